@@ -21,6 +21,7 @@ from acausal.language.expression import Expression, Input, Parameter
 from acausal.numerics.one_thread import on_one_thread
 from acausal.numerics.thresholds import EDGE
 from acausal.outputs.functions import Functions
+from acausal.outputs.infinite import without_value
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.situation import Situation
 from acausal.start.start_values import softened
@@ -189,11 +190,13 @@ def _found(
     found = search(_moving_as_asked(s, given, wanted.motion, search) if steady else given.z)
     first = astray(found)
     if (not found.converged or first) and not steady:
-        found = search(_let_down(functions, given, search, x_dot))
+        found = _better(search(_let_down(functions, given, search, x_dot)), found, astray)
     if not found.converged or astray(found):
         found = _from_several_starts(search, given.z, s.nq, found, astray)
     if not found.converged or astray(found):
-        raise EquilibriumError(_complaint(functions, wanted.names, found, astray(found) or first, bool(steady)))
+        lost = without_value(functions, began.t, began.x, began.u, began.p)
+        begun = f" Where the search begins: {lost}" if lost else ""
+        raise EquilibriumError(_complaint(functions, wanted.names, found, astray(found) or first, bool(steady)) + begun)
     if found.free.shape[1]:  # of a family the nearest, whatever way led to it
         nearer = search(given.z, begin=found.z)
         found = nearer if nearer.converged and not astray(nearer) else found
@@ -309,10 +312,18 @@ def _from_several_starts(search: NearestRoot, guess: np.ndarray, nq: int, found:
             break
         trial = guess.copy()
         trial[:nq] += search.scale[:nq] * rng.normal(scale=0.1 * 1.5**attempt, size=nq)
-        again = search(trial)
-        if again.converged or np.linalg.norm(again.parts) < np.linalg.norm(found.parts):
-            found = again
+        found = _better(search(trial), found, astray)
     return found
+
+
+def _better(one: Root, other: Root, astray: Callable[[Root], str]) -> Root:
+    """The one that is a root of the scene; of failures the one that misses by less, the other where both do: what is no number misses by most."""
+    if one.converged != other.converged:
+        return one if one.converged else other
+    if one.converged:
+        return other if astray(one) and not astray(other) else one
+    miss, others = np.linalg.norm(one.parts), np.linalg.norm(other.parts)
+    return one if miss < others or not np.isfinite(others) else other
 
 
 def _goes_on(x_dot: Differentiable, balance: Differentiable, at: OperatingPoint, sizes: Sizes) -> bool:

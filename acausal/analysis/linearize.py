@@ -16,11 +16,13 @@ from acausal.analysis.modes import Mode, Modes, modes_of
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.state_sizes import ROUNDING, UNCHANGED, before_and_after, power_of_two
 from acausal.arguments import expressions
-from acausal.errors import OptionError
+from acausal.errors import OptionError, StartValueError
 from acausal.language.expression import Expression
 from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
+from acausal.outputs.infinite import without_value
+from acausal.wording import compact
 
 _CLOSED = 1e-8
 _STEADY = 1e-9
@@ -192,6 +194,7 @@ def column_of(functions: Functions, what: str, wanted: Sequence[Expression]) -> 
 
 def _linearization(functions: Functions, point: OperatingPoint, states: Column | None, outputs: Column) -> Linearization:
     s = functions.outputs.system
+    _check_numbers(functions, point)
     deviations = deviations_at(functions, point)
     wanted = Wanted(functions, Column.none() if states is None else states, outputs, states is not None)
     chosen = deviations.names if states is None else states.names
@@ -206,6 +209,23 @@ def _linearization(functions: Functions, point: OperatingPoint, states: Column |
         found.sizes, point, bool(np.all(still)), linear.is_constant(point, found, noise), s.flat.name,
         mode_words(s, point.u),
     )  # fmt: skip
+
+
+def _check_numbers(functions: Functions, at: OperatingPoint) -> None:
+    """Raises `StartValueError` where rates, or their derivatives by states, are infinite or not numbers."""
+    x_dot, names = Differentiable(functions.outputs.system, functions.outputs.system.x_dot), functions.state_names
+    lost = np.flatnonzero(~np.isfinite(x_dot.value(at)))
+    if lost.size:
+        words = without_value(functions, at.t, at.x, at.u, at.p) or "Begin elsewhere: start={...}, or states of a motion."
+        raise StartValueError(
+            f"linearize: the rate of {compact(names[k] for k in lost)} is infinite or not a number here. {words}"
+        )
+    rows, columns = np.nonzero(~np.isfinite(x_dot.along(at, np.eye(at.x.size))))
+    if rows.size:
+        raise StartValueError(
+            f"linearize: the rate of {names[rows[0]]} has no derivative by {names[columns[0]]} here: a law has a corner or a root there. "
+            "Begin elsewhere, or give a law that is smooth there."
+        )
 
 
 class Wanted:

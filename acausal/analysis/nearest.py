@@ -64,7 +64,7 @@ class NearestRoot:
         near, guess = guess, guess if begin is None else begin
         usual = self.usual(guess) if usual is None else usual
         J, r = self.hard.jacobian(guess), self.hard.residual(guess)
-        slope = np.max(np.abs(np.nan_to_num(J) * self.scale), axis=1, initial=0.0)
+        slope = np.max(np.abs(np.where(np.isfinite(J), J, 0.0) * self.scale), axis=1, initial=0.0)
         rounding = self._zero(guess)
         rows = np.fmax(np.fmax(slope, usual), rounding)
         rows = np.where(rows > 0, rows, np.where(np.abs(r) > 0, np.abs(r), 1.0))
@@ -75,7 +75,9 @@ class NearestRoot:
         found = self._searched(guess, near, sizes)
         if not found.part < np.inf:
             return Root(found.y, found.left, found.left, False, np.zeros((guess.size, 0)))
-        free = self.scale[:, None] * freedom(sizes.scaled(self.hard.jacobian(found.y)), _RANK)
+        J = sizes.scaled(self.hard.jacobian(found.y))
+        # where a slope is infinite nothing is known to be free
+        free = self.scale[:, None] * freedom(J, _RANK) if np.isfinite(J).all() else np.zeros((guess.size, 0))
         return Root(found.y, found.left, found.left / rows, found.converged, free)
 
     def _zero(self, z: np.ndarray) -> np.ndarray:

@@ -46,6 +46,8 @@ class AbstractField(Component, ABC):
 class FieldForce(AbstractPotential):
     """What a field does to one body: frame_a stands where the field does, frame_b on the body."""
 
+    if_infinite = "A field has no value in some places, as in the centre that attracts: begin beside them."
+
     def __init__(self, field: AbstractField, body: AbstractRigidPart) -> None:
         self.field, self.body = field, body
         self.created_at = field.created_at
@@ -80,6 +82,8 @@ class AbstractMutualField(Component, ABC):
 @final
 class PairForce(AbstractPotential):
     """What two bodies do to one another by a mutual field, to second order in their sizes: frame_a on one, frame_b on the other."""
+
+    if_infinite = "Bodies that attract one another are in one place: begin with them apart."
 
     def __init__(self, field: AbstractMutualField, one: AbstractRigidPart, other: AbstractRigidPart) -> None:
         self.field, self.one, self.other = field, one, other

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any, ClassVar, final
 
 import casadi as ca
 
@@ -43,6 +43,9 @@ class AbstractForce(Component, ABC):
     In every motion the power of its actions is - d(potential_energy)/dt - power_loss: a trial motion checks it when the scene is built.
     Placements give symbols: a law is written by CasADi's functions, without `if`.
     """
+
+    if_infinite: ClassVar[str] = "Begin where its law is a number, or give it one there."
+    """What is said where an action is infinite or not a number."""
 
     @abstractmethod
     def actions(self, placement: Placement) -> tuple[Action, ...]:
@@ -90,6 +93,8 @@ class AbstractLineForce(AbstractForce, ABC):
     The points pull each other with `tension(length, rate)` [N]; `rate` is that of the length [m/s].
     Both ends must lie apart: at length 0 the line has no direction.
     """
+
+    if_infinite = "Points that lie on one another have no line between them: begin with them apart. At other distances its law must be a number."
 
     point_a = Point.port(must_connect=True, if_unconnected="A force between two points needs both.")
     point_b = Point.port(must_connect=True, if_unconnected="A force between two points needs both.")

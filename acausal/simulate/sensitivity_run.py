@@ -11,6 +11,7 @@ from acausal.collocation.problem import Accuracy, StatusKind
 from acausal.errors import OptionError, SimulationError, SingularWarning
 from acausal.language.expression import Input
 from acausal.outputs.functions import Functions
+from acausal.outputs.infinite import without_value
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.simulation import problem_of
 from acausal.simulate.trouble import check_inside_all, failure, raise_if_interrupted
@@ -33,7 +34,10 @@ def sensitivity_run(
     status = found.found.status
     raise_if_interrupted(status, None)
     if status.kind is not StatusKind.SUCCESS:
-        raise SimulationError(failure(functions, status, float(found.t[-1]), None), None)
+        words = failure(functions, status, float(found.t[-1]), None)
+        if status.kind is StatusKind.NON_FINITE:
+            words = f"{words} {without_value(functions, at.t0, found.x[:, 0], signal(np.array([at.t0]))[:, 0], at.p)}".rstrip()
+        raise SimulationError(words, None)
     check_inside_all(functions, found.t, found.x, signal(found.t), at.p)
     if found.found.passages:
         warnings.warn(

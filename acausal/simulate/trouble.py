@@ -25,6 +25,7 @@ from acausal.errors import (
 from acausal.numerics.rounding import Rounding
 from acausal.outputs.borders import Border
 from acausal.outputs.functions import Functions
+from acausal.outputs.infinite import without_value
 from acausal.simulate.looks import MOST, at_steps, inputs_at_steps, least_spectrum, matrices_at_steps, spread
 from acausal.simulate.paradox import paradox
 from acausal.simulate.trajectory import Trajectory
@@ -39,6 +40,8 @@ _BORDER = 1e-3
 """Of what is positive inside, against the most that it was in a run, that is at its border."""
 _ENDLESS = 1e4
 """Times the median over a run, from which on an energy is infinite."""
+_AHEAD = 1e-4
+"""Of the time since the start, a little while: what a motion comes to is there."""
 _CUT = 0.2
 _SHOWN = 4
 
@@ -291,7 +294,8 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
         worst += _at_a_border(functions, run)
     if run is not None and status.kind in (StatusKind.NON_FINITE, StatusKind.STEP_UNDERFLOW):
         worst += (
-            _at_a_border(functions, run)
+            _infinite(functions, run)
+            or _at_a_border(functions, run)
             or _endless(functions, run)
             or _without_inertia(functions, run)
             or _out_of_reach(functions, run, t1)
@@ -374,6 +378,17 @@ def _at_a_border(functions: Functions, run: Trajectory) -> str:
             where = _at(functions, border, t, x, run.problem.inputs(run.steps.t[-1:])[:, 0], run.problem.parameters)
             return f" {border.who} has come to where it has no meaning{where}. {border.why}"
     return ""
+
+
+def _infinite(functions: Functions, run: Trajectory) -> str:
+    """Which forces have no value at the last state, or where it leads in a little while; empty if all have."""
+    t, x, p = float(run.steps.t[-1]), run.steps.x[:, -1], run.problem.parameters
+    u = run.problem.inputs(run.steps.t[-1:])[:, 0]
+    words = without_value(functions, t, x, u, p)
+    if not words and functions.modes is None:
+        ahead = _AHEAD * (t - float(run.steps.t[0]))
+        words = without_value(functions, t + ahead, x + ahead * np.array(functions.explicit_dynamics(t, x, u, p)).ravel(), u, p)
+    return f" {words}" if words else ""
 
 
 def _endless(functions: Functions, run: Trajectory) -> str:

@@ -1,0 +1,96 @@
+"""Forces that are infinite or no numbers are named, with what to do, whatever is asked of the model."""
+
+import re
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import AcausalError, EquilibriumError, SimulationError, StartValueError
+from components import CentralField, Force, MutualGravitation, Particle, Revolute, RigidBody, Spring, World
+
+
+def _with_mass(mass: float):
+    scene = ac.System()
+    scene.mass = ac.Parameter(mass, "kg")
+    return scene
+
+
+def _on_a_spring(size: float):
+    scene = _with_mass(1.0)
+    scene.world, scene.ball, scene.spiral = World((0, 0, -9.81 * size)), Particle(scene.mass), Spring(100.0, 0.1 * size)
+    scene.connect(scene.world.frame, scene.spiral.point_a)
+    scene.connect(scene.spiral.point_b, scene.ball.point)
+    return scene, {scene.ball.point.position: (0, 0, 0)}, "'spiral'", "apart"
+
+
+def _in_the_centre(size: float):
+    scene = _with_mass(1.0)
+    scene.world, scene.ball, scene.sun = World((0, 0, 0)), Particle(scene.mass), CentralField(size**3)
+    return scene, {}, "'sun[ball]'", "beside"
+
+
+def _in_one_place(size: float):
+    scene = _with_mass(size)
+    scene.world, scene.ball, scene.other, scene.pull = (
+        World((0, 0, 0)),
+        Particle(scene.mass),
+        Particle(2 * size),
+        MutualGravitation(),
+    )
+    return scene, {}, "'pull[ball, other]'", "apart"
+
+
+@pytest.mark.parametrize("make", [_on_a_spring, _in_the_centre, _in_one_place])
+@pytest.mark.parametrize("size", [1e-4, 1.0, 3e4])
+def test_a_force_without_a_value_is_named(make, size: float) -> None:
+    scene, start, name, advice = make(size)
+    model = ac.build(scene)
+    for asked in (
+        lambda: model.simulate(1.0, start),
+        lambda: model.linearize(start),
+        lambda: model.sensitivities([0.0, 1.0], [scene.mass], start=start),
+        lambda: model.minimal(start).simulate(1.0),
+        lambda: model.minimal(start).linearize(),
+    ):
+        with pytest.raises((SimulationError, StartValueError)) as told:
+            asked()
+        assert name in str(told.value) and advice in str(told.value) and ".py:" in str(told.value)
+
+
+@pytest.mark.parametrize(("mu", "radius", "speed"), [(3.986e14, 7e6, 0.0), (1e-9, 1e-3, 1.0), (2.0, 0.0, 0.0)])
+def test_what_has_no_equilibrium_is_told_in_numbers(mu: float, radius: float, speed: float) -> None:
+    scene = ac.System()
+    scene.world, scene.moon, scene.sun = World((0, 0, 0)), Particle(10.0), CentralField(mu)
+    at = scene.moon.point
+    circling = {at.velocity: (0, speed * np.sqrt(mu / radius), 0)} if speed else {}
+    with pytest.raises(EquilibriumError) as told:
+        ac.build(scene).equilibrium({at.position: (radius, 0, 0)} | circling)
+    gaps = re.findall(r"\(off by ([^)]*)\)", str(told.value))
+    assert gaps and np.isfinite(np.array(gaps, float)).all() and "steady" in str(told.value)
+    assert ("'sun[moon]'" in str(told.value)) == (radius == 0)
+
+
+def test_where_a_law_ends_on_the_way_it_is_named() -> None:
+    """A force of sqrt(q - 0.2): begun in its domain, at its root, and outside of it."""
+    scene = ac.System()
+    scene.world, scene.hinge, scene.rod = World(), Revolute("y"), RigidBody.rod(1.0, (0, 0, -1.0))
+    scene.root = Force((np.sqrt(scene.hinge.q - 0.2), 0, 0))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.rod.tip, scene.root.point)
+    model = ac.build(scene)
+    for angle in (0.5, 0.1):
+        with pytest.raises(SimulationError, match="'root'"):
+            model.simulate(1.0, {scene.hinge.q: angle})
+    for angle in (0.5, 0.2, 0.1):  # a slope that is infinite is no reason to crash
+        try:
+            found = model.equilibrium({scene.hinge.q: angle})
+        except AcausalError:
+            continue
+        assert (
+            abs(0.5 * 9.81 * np.sin(found[scene.hinge.q]) + np.sqrt(found[scene.hinge.q] - 0.2) * np.cos(found[scene.hinge.q]))
+            < 1e-12
+        )
+    with pytest.raises(StartValueError, match=r"no derivative by hinge\.q"):
+        model.linearize({scene.hinge.q: 0.2})
