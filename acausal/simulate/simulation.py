@@ -27,6 +27,7 @@ from acausal.simulate.one_way import warn_if_passed_back
 from acausal.simulate.passes import warn_if_missed
 from acausal.simulate.piece import Piece
 from acausal.simulate.progress import Line, shown_progress
+from acausal.simulate.sound import sound
 from acausal.simulate.trajectory import SLACK, Trajectory
 from acausal.simulate.trouble import (
     check_inside,
@@ -136,6 +137,10 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
         raise OptionError(
             f"The method {solution.statistics.method} does not go with what opens, slips, strikes or is set: {who}."
         )
+    whole_run = Trajectory(
+        functions, problem.with_modes(solution.modes), (Piece(functions, problem, solution),), initial, problem.read, ()
+    )
+    solution = sound(functions, whole_run, options.accuracy)
     problem = problem.with_modes(solution.modes)
     reached = float(solution.t[-1])
     times = problem.read if reached == end else options.times_until(t0, reached)

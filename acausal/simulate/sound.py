@@ -1,0 +1,104 @@
+"""A run that failed, until where it still obeys what it keeps: steps that end in a singular position may hold anything."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from acausal.collocation.modes import ModesMet
+from acausal.collocation.problem import Accuracy, Kept, Solution, StatusKind
+from acausal.numerics.rounding import Rounding
+from acausal.outputs.functions import Functions
+from acausal.simulate.looks import at_steps, inputs_at_steps
+from acausal.simulate.trajectory import Trajectory
+from acausal.start.coordinates import turning_states
+
+_EPS = float(np.finfo(float).eps)
+_LEAST, _LOOSE = 1e-8, 10.0
+"""Of the terms of an invariant, what it may be off by whatever is asked for; times the tolerance, and times what it is off by at the start."""
+_FORGIVEN, _A_STEP, _MOST = 1e3, 10.0, 0.1
+"""Tolerances by which the energy may be off: at once, and for each step besides; of the largest energy that moves, at most."""
+_NOISE = 1e3
+"""Times what rounding makes of energies."""
+_EARLY = 4
+"""The terms of invariants are known from the start, and from where this part of the steps is over: velocities may begin at rest."""
+
+
+def sound(functions: Functions, run: Trajectory, accuracy: Accuracy) -> Solution:
+    """The solution of a run of one piece, without steps from the first one on that leaves its invariants by more than the tolerance allows, or,
+    where nothing gives or takes energy, its energy.
+    """
+    solution = run.solution
+    if solution.status.kind in (StatusKind.SUCCESS, StatusKind.INTERRUPTED) or solution.t.size < 2:
+        return solution
+    with np.errstate(all="ignore"):
+        values = at_steps(functions, run, functions.watched)
+        terms = _Terms(functions, run)
+        lost = _leaves(functions, values, terms, accuracy)
+    if not 0 < lost < solution.t.size:
+        return solution
+    return _until(solution, lost)
+
+
+class _Terms:
+    """Sizes of what energies and invariants are the sums of, at the ends of steps."""
+
+    def __init__(self, functions: Functions, run: Trajectory) -> None:
+        self._run, self._rounding, space = run, Rounding(functions.watched), functions.space
+        turns, rates = turning_states(space.system)
+        self._turns = np.append(turns, np.zeros(rates.size))[list(space.places)]
+
+    def at(self, k: int) -> np.ndarray:
+        """(rows,) at the end of step k, by states as large as they were until there; angles as large as a radian."""
+        run = self._run
+        met = np.maximum(np.max(np.abs(run.steps.x[:, : k + 1]), axis=1), self._turns)
+        u = inputs_at_steps(run, np.array([k]))[:, 0]
+        return self._rounding(float(run.steps.t[k]), run.steps.x[:, k], u, run.problem.parameters, spread=_EPS * met) / _EPS
+
+
+def _leaves(functions: Functions, values: np.ndarray, terms: _Terms, accuracy: Accuracy) -> int:
+    """The first step end at which what is kept is not; their number if there is none. `values`: energies and invariants (rows, n)."""
+    gaps, n, first = np.abs(values[2:]), values.shape[1], terms.at(0)
+    lost = int(np.argmax(np.append(~np.isfinite(values).all(axis=0), True)))
+    start = np.where(first[2:] > 0, gaps[:, 0] / first[2:], 0.0)
+    allowed = np.maximum(_LOOSE * accuracy.rtol, _LEAST) + _LOOSE * start
+    usual = np.fmax(first, terms.at(n // _EARLY))[2:]
+    for k in np.flatnonzero((gaps > (allowed * usual)[:, None]).any(axis=0)):
+        if k >= lost:
+            break
+        here = terms.at(int(k))[2:]
+        if ((gaps[:, k] > allowed * here) & (here > 0)).any():
+            lost = int(k)
+            break
+    if accuracy.step or not functions.energy_told or not functions.outputs.power_loss.is_zero() or functions.modes is not None:
+        return lost
+    part = min(max((_FORGIVEN + _A_STEP * n) * accuracy.rtol, _LEAST), _MOST)
+    T, V = values[0, :lost], values[1, :lost]
+    scale = np.maximum.accumulate(np.maximum(T, np.abs(V - V[0]))) if lost else T
+    off = np.abs(T + V - T[0] - V[0]) > part * scale + _NOISE * _EPS * np.sum(first[:2]) if lost else T > 0
+    return int(np.argmax(np.append(off, True)))
+
+
+def _until(solution: Solution, count: int) -> Solution:
+    """With so many step ends only."""
+    end, left = float(solution.t[count - 1]), solution.t.size - count
+    kept, modes, status = solution.kept, solution.modes, solution.status
+    words = f"{status.message} {'The last step' if left == 1 else f'The last {left} steps'} left what the motion is to keep and {'is' if left == 1 else 'are'} left out."
+    return replace(
+        solution,
+        t=solution.t[:count],
+        x=solution.x[:, :count],
+        status=replace(status, time=end, message=words),
+        crossings=tuple(crossing for crossing in solution.crossings if crossing.time <= end),
+        stopped=False,
+        kept=None if kept is None else Kept(kept.steps[: count - 1], kept.known[: count - 1]),
+        modes=None if modes is None else _modes_until(modes, count - 1),
+    )
+
+
+def _modes_until(met: ModesMet, last: int) -> ModesMet:
+    """Changes of mode before the step end `last`, and those there that do not jump."""
+    some = (met.steps < last) | ((met.steps == last) & ~met.jumped)
+    some[0] = True
+    return ModesMet(met.begins[some], met.masks[:, some], met.steps[some], met.rows[some], met.impulses[some], met.jumped[some])

@@ -1,0 +1,63 @@
+"""A run that fails keeps the motion until where it is right, and nothing after it."""
+
+import numpy as np
+import pytest
+
+import acausal as ac
+from acausal.errors import SimulationError
+from components import AngleSource, Revolute, RigidBody, World
+
+SPEED, BEGIN = 3.0, 0.9
+
+
+def driven(size: float, lengths: np.ndarray) -> ac.System:
+    """A four-bar on a base of this size, with links of these lengths times it, whose crank turns evenly."""
+    scene = ac.System()
+    scene.world = World((0, -9.81 * size, 0))
+    scene.crank, scene.coupler, scene.rocker = (RigidBody.rod(1.0, (float(x) * size, 0, 0)) for x in lengths)
+    scene.a, scene.b, scene.c, scene.d = (Revolute("z") for _ in range(4))
+    scene.motor = AngleSource(BEGIN + SPEED * ac.time)
+    scene.connect(scene.world.frame, scene.a.frame_a)
+    scene.connect(scene.a.frame_b, scene.crank.frame)
+    scene.connect(scene.crank.tip, scene.b.frame_a)
+    scene.connect(scene.b.frame_b, scene.coupler.frame)
+    scene.connect(scene.coupler.tip, scene.c.frame_a)
+    scene.connect(scene.c.frame_b, scene.rocker.tip)
+    scene.connect(scene.world.at((size, 0, 0)), scene.d.frame_a)
+    scene.connect(scene.d.frame_b, scene.rocker.frame)
+    scene.connect(scene.motor.flange, scene.a.flange)
+    return scene
+
+
+def dead_time(lengths: np.ndarray) -> float:
+    """When the crank, which turns evenly, comes to where coupler and rocker lie in one line."""
+    crank, coupler, rocker = lengths
+    reaches = [(1 + crank**2 - r**2) / (2 * crank) for r in (coupler + rocker, abs(coupler - rocker))]
+    angles = [sign * np.arccos(c) + 2 * np.pi * turn for c in reaches if abs(c) < 1 for sign in (1, -1) for turn in (0, 1)]
+    return (min(angle for angle in angles if angle > BEGIN) - BEGIN) / SPEED
+
+
+@pytest.mark.parametrize("size", [3e-3, 75.0])
+@pytest.mark.parametrize("number", range(2))
+def test_what_is_driven_out_of_reach_is_kept_until_there(size: float, number: int) -> None:
+    rng = np.random.default_rng(number)
+    lengths = np.array([0.8, 0.7, 0.6]) * rng.uniform(0.9, 1.1, 3)
+    scene = driven(size, lengths)
+    model = ac.build(scene)
+    for rtol in (1e-8, 1e-12):
+        with pytest.raises(SimulationError) as told:
+            model.simulate(5.0, rtol=rtol)
+        run = told.value.trajectory
+        run = run.at(run.steps.t)
+        assert abs(run.t[-1] - dead_time(lengths)) < 1e-6
+        a, b, d = (run[hinge.q] for hinge in (scene.a, scene.b, scene.d))
+        c = run[scene.c.q]
+        turns = np.exp(1j * a), np.exp(1j * (a + b)), np.exp(1j * d)
+        gap = lengths[0] * turns[0] + lengths[1] * turns[1] - 1 - lengths[2] * turns[2]
+        assert np.max(np.abs(gap)) < 1e-7
+        assert np.max(np.abs(np.exp(1j * (a + b + c)) - turns[2])) < 1e-7
+        assert np.max(np.abs(a - BEGIN - SPEED * run.t)) < 1e-7
+        va, vb, vd = (run[hinge.v] for hinge in (scene.a, scene.b, scene.d))
+        rate = 1j * (lengths[0] * turns[0] * va + lengths[1] * turns[1] * (va + vb) - lengths[2] * turns[2] * vd)
+        assert np.max(np.abs(rate) / (np.abs(va) + np.abs(vb) + np.abs(vd))) < 1e-6
+        assert np.isfinite(run.energy).all()
