@@ -201,6 +201,98 @@ def test_a_product_and_a_parabola_between_slide_and_shaft():
     np.testing.assert_allclose(run[scene.slide.q], exact, atol=1e-10)
 
 
+class Belt(ac.Component):
+    """Between two pulleys with radii r and s."""
+
+    a, b = ac.Rotational.port(), ac.Rotational.port()
+    pull = ac.Variable("N")
+
+    def __init__(self, r: ac.Expression, s: ac.Expression) -> None:
+        self.r, self.s = r, s
+
+    def equations(self):
+        yield ac.equal(self.r * ac.der(self.a.phi), self.s * ac.der(self.b.phi))
+        yield ac.equal(self.a.tau, self.r * self.pull)
+        yield ac.equal(self.b.tau, -self.s * self.pull)
+
+
+def test_a_belt_on_pulleys_of_any_radii_takes_a_freedom_though_they_are_zero_unless_told():
+    r, s, J = 0.2, 0.5, (0.3, 0.7)
+    scene = ac.System()
+    scene.world, scene.hinges, scene.wheels = World((0, 0, 0)), [Revolute("z") for _ in J], [RigidBody(1.0, (j, j, j)) for j in J]
+    for hinge, wheel in zip(scene.hinges, scene.wheels, strict=True):
+        scene.connect(scene.world.frame, hinge.frame_a)
+        scene.connect(hinge.frame_b, wheel.frame)
+    scene.r, scene.s = ac.Input("m"), ac.Input("m")
+    scene.belt, scene.motor = Belt(scene.r, scene.s), TorqueSource(2.0)
+    scene.connect(scene.belt.a, scene.hinges[0].flange, scene.motor.flange)
+    scene.connect(scene.belt.b, scene.hinges[1].flange)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 1
+    run = model.simulate(1.0, inputs={scene.r: r, scene.s: s}, rtol=1e-11)
+    assert run[scene.hinges[1].v] == pytest.approx(run.t * 2.0 * r / s / (J[0] + J[1] * (r / s) ** 2), rel=1e-11)
+
+
+class Slots(ac.Component):
+    """Two slides on one of two lines that cross at right angles."""
+
+    x, y = ac.Translational.port(), ac.Translational.port()
+    pull = ac.Variable("N")
+
+    def equations(self):
+        yield ac.equal(self.x.s * self.y.s, 0.0)
+        yield ac.equal(self.x.f, self.pull * self.y.s)
+        yield ac.equal(self.y.f, self.pull * self.x.s)
+
+
+class SameSpeed(ac.Component):
+    """What two slides carry moves with the speed V."""
+
+    x, y = ac.Translational.port(), ac.Translational.port()
+    pull = ac.Variable("N*s/m")
+
+    def __init__(self, V: float) -> None:
+        self.V = V
+
+    def equations(self):
+        u, v = ac.der(self.x.s), ac.der(self.y.s)
+        yield ac.equal(u * u + v * v, self.V**2)
+        yield ac.equal(self.x.f, self.pull * u)
+        yield ac.equal(self.y.f, self.pull * v)
+
+
+def on_two_slides(tie: Slots | SameSpeed, gravity: float) -> ac.System:
+    scene = ac.System()
+    scene.world, scene.slides, scene.bead, scene.tie = World((gravity, 0, 0)), [Prismatic("x"), Prismatic("y")], Particle(1.0), tie
+    scene.connect(scene.world.frame, scene.slides[0].frame_a)
+    scene.connect(scene.slides[0].frame_b, scene.slides[1].frame_a)
+    scene.connect(scene.slides[1].frame_b, scene.bead.point)
+    scene.connect(scene.slides[0].flange, tie.x)
+    scene.connect(scene.slides[1].flange, tie.y)
+    return scene
+
+
+def test_a_bead_in_slots_that_cross_where_it_is_drawn_has_one_freedom():
+    scene = on_two_slides(Slots(), 2.0)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 1
+    run = model.simulate(1.0, {scene.slides[0].q: 0.3, scene.slides[1].q: 0.0}, rtol=1e-11)
+    assert run[scene.slides[0].q] == pytest.approx(0.3 + run.t**2, rel=1e-11)
+    assert np.max(np.abs(run[scene.slides[1].q])) < 1e-14
+
+
+@pytest.mark.parametrize("V", [0.02, 2.0])
+def test_a_speed_that_is_kept_takes_a_freedom_though_all_is_at_rest_unless_told(V):
+    # its direction turns by theta' = -(g / V) sin(theta)
+    g, theta = 1.5 * V, 2.0
+    scene = on_two_slides(SameSpeed(V), g)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 1
+    u, v = (slide.v for slide in scene.slides)
+    run = model.simulate(1.0, {u: V * np.cos(theta), v: V * np.sin(theta)}, rtol=1e-11)
+    assert np.arctan2(run[v], run[u]) == pytest.approx(2 * np.arctan(np.tan(theta / 2) * np.exp(-g / V * run.t)), rel=1e-10)
+
+
 @pytest.mark.parametrize("k", [0, 1, 2])
 def test_a_mass_moved_by_a_cam_on_any_hinge_of_a_loop(k):
     """The third hinge closes the loop; energy and both kinds of constraints hold, and the cam's relation to the last digit."""

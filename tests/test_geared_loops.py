@@ -8,7 +8,7 @@ from scipy.integrate import solve_ivp
 
 import acausal as ac
 from acausal.errors import LockedError, ParameterError, StartValueError
-from components import Gear, Inertia, Revolute, RigidBody, World
+from components import AngleSource, Gear, Inertia, Revolute, RigidBody, World
 
 G, LENGTH = 9.81, 0.5
 
@@ -78,3 +78,13 @@ def test_a_gear_that_a_parallelogram_does_not_allow_is_named():
     x, holds = model.initial_state({scene.hinges[0].q: 0.3}).x, model.functions.holds
     assert holds is not None and holds(0, x, [], [1.0]) >= 0 > holds(0, x, [], [2.0])
     assert "it transmits nothing" in str(model.decisions)
+
+
+@pytest.mark.parametrize("other", [lambda t: 2 * t, lambda t: 2 * t + 0.1 * t * t], ids=["alike", "later apart"])
+def test_two_drives_of_a_parallelogram_are_refused_since_they_may_differ_later(other):
+    scene = parallelogram(None)
+    scene.drives = [AngleSource(2 * ac.time), AngleSource(other(ac.time))]
+    for drive, hinge in zip(scene.drives, scene.hinges, strict=False):
+        scene.connect(drive.flange, hinge.flange)
+    with pytest.raises(LockedError, match="hold joints that loops hold already"):
+        ac.build(scene)
