@@ -263,7 +263,12 @@ class SameSpeed(ac.Component):
 
 def on_two_slides(tie: Slots | SameSpeed, gravity: float) -> ac.System:
     scene = ac.System()
-    scene.world, scene.slides, scene.bead, scene.tie = World((gravity, 0, 0)), [Prismatic("x"), Prismatic("y")], Particle(1.0), tie
+    scene.world, scene.slides, scene.bead, scene.tie = (
+        World((gravity, 0, 0)),
+        [Prismatic("x"), Prismatic("y")],
+        Particle(1.0),
+        tie,
+    )
     scene.connect(scene.world.frame, scene.slides[0].frame_a)
     scene.connect(scene.slides[0].frame_b, scene.slides[1].frame_a)
     scene.connect(scene.slides[1].frame_b, scene.bead.point)

@@ -25,7 +25,7 @@ class Drawn:
         # each force is taken along the first axis
         axes = tuple(tuple(Mode("along", "") for _ in range(3)) for _ in range(count))
         self.along = ca.vertcat(*(mask.sx for own in axes for mask in own))
-        self.magnitudes = Magnitudes(tuple(Size(Magnitude(np.ones(3)), ca.SX.ones(3)) for _ in range(count)), axes)
+        self.magnitudes = Magnitudes(tuple(Size(Magnitude([1.0, 1.0, 1.0]), ca.SX.ones(3)) for _ in range(count)), axes)
 
     def solved(self) -> np.ndarray:
         return np.array(ca.evalf(self.magnitudes.solved(*self._rows()))).ravel()

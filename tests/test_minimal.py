@@ -534,6 +534,39 @@ def test_a_velocity_may_be_preferred_too():
     assert ac.build(scene).minimal(prefer=[scene.a.v]).state_names == ("a.q", "a.v")
 
 
+class Blade(ac.Component):
+    """What two slides and a hinge carry moves along itself only."""
+
+    x, y, turn = ac.Translational.port(), ac.Translational.port(), ac.Rotational.port()
+    push = ac.Variable("N")
+
+    def equations(self):
+        c, s = np.cos(self.turn.phi), np.sin(self.turn.phi)
+        yield ac.equal(s * ac.der(self.x.s), c * ac.der(self.y.s))
+        yield ac.equal(self.x.f, -s * self.push)
+        yield ac.equal(self.y.f, c * self.push)
+        yield ac.equal(self.turn.tau, 0.0)
+
+
+@pytest.mark.parametrize("heading", [0.3, 1.2])
+def test_conditioning_is_that_of_velocities_where_these_are_less_free_than_positions(heading):
+    scene = ac.System()
+    scene.world, scene.body, scene.blade = World((0, 0, 0)), RigidBody(1.0, (1, 1, 1)), Blade()
+    scene.x, scene.y, scene.turn = Prismatic("x"), Prismatic("y"), Revolute("z")
+    scene.connect(scene.world.frame, scene.x.frame_a)
+    scene.connect(scene.x.frame_b, scene.y.frame_a)
+    scene.connect(scene.y.frame_b, scene.turn.frame_a)
+    scene.connect(scene.turn.frame_b, scene.body.frame)
+    for joint, flange in ((scene.x, scene.blade.x), (scene.y, scene.blade.y), (scene.turn, scene.blade.turn)):
+        scene.connect(joint.flange, flange)
+    model, start = ac.build(scene), {scene.turn.q: heading}
+    c, s = np.cos(heading), np.sin(heading)
+    for prefer, part in (((), max(c, s)), ((scene.x.v,), c), ((scene.y.v,), s)):
+        chart = model.minimal(start, prefer=prefer).chart
+        assert chart.preferred
+        assert chart.conditioning == pytest.approx(part, rel=1e-12)
+
+
 def test_conditioning_goes_to_zero_where_a_chart_ends():
     scene = slider_crank()
     model = ac.build(scene)

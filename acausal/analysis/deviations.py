@@ -111,7 +111,7 @@ def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
     positions = independent_entries(_scaled(G[:rows, :nq], size[:nq])).free
     scalar = [k for k in range(joints, rows) if not G[k, :nq].any()]  # gaps of scalar parts, whose positions come later
     later = [*scalar, *range(rows, G.shape[0])]
-    rates = independent_entries(_scaled(G[later, nq:], size[nq:]), preferred=_matching(s, coordinates, positions)).free
+    rates = independent_entries(_scaled(G[later, nq:], size[nq:]), _matching(s, coordinates, positions)).free
     free = (*positions, *(nq + i for i in rates))
     return Deviations(s, x_dot, invariants, sizes, coordinates, free, tuple(names[i] for i in free), felt)
 

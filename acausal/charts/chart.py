@@ -13,7 +13,6 @@ from acausal.charts.singular_state import singular_loops
 from acausal.errors import StartValueError
 
 _KEEP = 0.05
-_DEGENERATE = 1e-5
 
 
 @dataclass(frozen=True)
@@ -67,29 +66,26 @@ def choose_chart(manifold: Manifold, t: float, x: np.ndarray, p: np.ndarray, pre
     slopes = manifold.slopes(t, x, p)
     wanted = set(preferred)
     asked = wanted | {i for i, j in manifold.twins if nc + j in wanted}
-    positions = _chosen(slopes.position, sorted(i for i in asked if i < nc))
+    positions = _chosen(slopes.position, [i for i in asked if i < nc])
     twins = [j for i, j in manifold.twins if i in positions.free]
-    rates = _chosen(slopes.rate, sorted({i - nc for i in wanted if i >= nc} | set(twins)))
+    rates = _chosen(slopes.rate, twins, [i - nc for i in wanted if i >= nc])
     conditioning = min(_conditioning(positions), _conditioning(rates))
     names = manifold.names
     free = [*positions.free, *(nc + i for i in rates.free)]
     dependent = tuple(names[i] for i in (*positions.dependent, *(nc + i for i in rates.dependent)))
-    if conditioning < _DEGENERATE:
-        raise StartValueError(
-            f"At t = {t:g} s no coordinates can stand for the others: {', '.join(dependent)} change {1 / conditioning:.3g} times as fast as "
-            f"{', '.join(names[i] for i in free)}. The state is (nearly) singular; start elsewhere, or use model.simulate."
-        )
     return Chart(
         Choice(positions.free, rates.free), t, x, p, tuple(names[i] for i in free), dependent, conditioning, wanted <= set(free)
     )
 
 
-def _chosen(J: np.ndarray, preferred: Sequence[int]) -> Independent:
+def _chosen(J: np.ndarray, *preferred: Sequence[int]) -> Independent:
+    """What is preferred most is given up last, all of it together where the chart is too much worse than the best one."""
     best = independent_entries(J)
-    if not preferred:
-        return best
-    asked = independent_entries(J, preferred)
-    return asked if _conditioning(asked) >= _KEEP * _conditioning(best) else best
+    for count in range(len(preferred), 0, -1):
+        asked = independent_entries(J, *preferred[:count])
+        if _conditioning(asked) >= _KEEP * _conditioning(best):
+            return asked
+    return best
 
 
 def _conditioning(entries: Independent) -> float:

@@ -16,18 +16,16 @@ class Independent:
     """A split of n entries by a constraint Jacobian G (m, n): G dy = 0.
 
     `free` and `dependent`: indices in ascending order, together 0 ... n-1. `tangent` (n, k): dy for unit changes of the free entries.
-    `conditioning` in (0, 1]: smallest over largest singular value of the dependent columns of G; 1 without constraints.
     """
 
     free: tuple[int, ...]
     dependent: tuple[int, ...]
     tangent: np.ndarray
-    conditioning: float
 
 
-def independent_entries(jacobian: np.ndarray, preferred: Sequence[int] = ()) -> Independent:
+def independent_entries(jacobian: np.ndarray, *preferred: Sequence[int]) -> Independent:
     """The dependent entries are those whose columns are most independent (QR with column pivoting, first among the entries that are not
-    `preferred`); all others are free. Dependent rows of `jacobian` do no harm. Cost: O(m^2 n).
+    `preferred`, then among those that are, the last ones last); all others are free. Dependent rows of `jacobian` do no harm. Cost: O(m^2 n).
     """
     import scipy.linalg
 
@@ -35,11 +33,12 @@ def independent_entries(jacobian: np.ndarray, preferred: Sequence[int] = ()) -> 
     zero = DEPENDENT * float(np.linalg.norm(jacobian))
     rank = int(np.linalg.matrix_rank(jacobian, tol=zero)) if m and n else 0
     if rank == 0:
-        return Independent(tuple(range(n)), (), np.eye(n), 1.0)
-    wanted = set(preferred)
+        return Independent(tuple(range(n)), (), np.eye(n))
+    level = {i: k for k, own in enumerate(preferred, 1) for i in own}
+    groups = [[i for i in range(n) if level.get(i, 0) == k] for k in range(len(preferred) + 1)]
     dependent: list[int] = []
     rest = jacobian.copy()
-    for group in ([i for i in range(n) if i not in wanted], sorted(wanted)):
+    for group in groups:
         if not group or len(dependent) == rank:
             continue
         R, order = cast(tuple[np.ndarray, np.ndarray], scipy.linalg.qr(rest[:, group], mode="r", pivoting=True))
@@ -54,5 +53,4 @@ def independent_entries(jacobian: np.ndarray, preferred: Sequence[int] = ()) -> 
     tangent = np.zeros((n, len(free)))
     tangent[free, range(len(free))] = 1.0
     tangent[dependent, :] = -np.linalg.lstsq(jacobian[:, dependent], jacobian[:, free], rcond=None)[0]
-    s = np.linalg.svd(jacobian[:, dependent], compute_uv=False)
-    return Independent(tuple(free), tuple(dependent), tangent, float(s[-1] / s[0]))
+    return Independent(tuple(free), tuple(dependent), tangent)

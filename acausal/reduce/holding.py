@@ -119,7 +119,10 @@ def _rows(system: Reduced, positions: list[np.ndarray]) -> list[list[np.ndarray]
     for q in positions:
         rates = system.rate_start + rng.uniform(-1, 1, system.rate_start.size)
         x = np.concatenate([q, rates])
-        blocks = [np.array(part) for part in function(0.0, x, system.u_defaults + rng.uniform(size=system.u_defaults.shape), system.p_values)]
+        blocks = [
+            np.array(part)
+            for part in function(0.0, x, system.u_defaults + rng.uniform(size=system.u_defaults.shape), system.p_values)
+        ]
         if all(np.isfinite(block).all() for block in blocks):
             found.append(blocks)
     return found
