@@ -486,3 +486,30 @@ def test_a_weld_carries_what_the_body_behind_it_needs(size: float):
         torque = moments * w_dot + np.cross(w, moments * w) + np.cross(centre, force)
         np.testing.assert_allclose(R.T @ run[end.force][k], force, atol=1e-12 * size)
         np.testing.assert_allclose(R.T @ run[end.torque][k], torque, atol=1e-12 * size**2)
+
+
+def joints_as_drawn(drawn: tuple[float, float], gravity: float, names: str, first: int) -> list[tuple[str, int]]:
+    """Joints of two alike double pendulums, the upper ones drawn at these angles, in the order of the states: which joint, of which pendulum."""
+    scene, place = ac.System(), dict[str, tuple[str, int]]()
+    scene.world = World(gravity=(0, 0, gravity))
+    for k in (first, 1 - first):
+        name, angle, foot = names[k], drawn[k], np.array([float(k), 0.0, 0.0])
+        knee = foot - np.array([np.sin(angle), 0, np.cos(angle)])
+        upper = RigidBody(1.0, (1, 1, 1), position=foot, rotation=("y", angle))
+        lower = RigidBody(1.0, (1, 1, 1), position=knee)
+        hip, joint = Revolute("y"), Revolute("y")
+        for kind, part in (("upper", upper), ("lower", lower), ("hip", hip), ("knee", joint)):
+            setattr(scene, f"{kind}_{name}", part)
+        joined(scene, scene.world.at(foot), hip, upper.frame, upper.at((0, 0, -1)), joint, lower.frame)
+        place |= {f"{kind}_{name}.q": (kind, k) for kind in ("hip", "knee")}
+    return [place[name] for name in ac.build(scene).state_names if name in place]
+
+
+@pytest.mark.parametrize(
+    ("drawn", "gravity"),
+    [((0.9, 0.2), 0.0), ((0.3, np.pi + 0.3), -9.81)],
+    ids=["by distances", "by heights, at a centre of symmetry"],
+)
+def test_alike_joints_are_told_apart_by_where_they_are_drawn_not_by_their_names(drawn, gravity):
+    orders = [joints_as_drawn(drawn, gravity, names, first) for names in ("ab", "ba") for first in (0, 1)]
+    assert orders[0] == orders[1] == orders[2] == orders[3]
