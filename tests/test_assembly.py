@@ -13,6 +13,7 @@ import acausal as ac
 from acausal import errors
 from acausal.numerics.assembly import assemble
 from acausal.numerics.sizes import Sizes
+from acausal.start.assembly_function import start_units
 from components import Force, PrescribedMotion, Prismatic, Revolute, RigidBody, World
 from examples.andrews import Andrews
 from tests.assembly_scenes import (
@@ -28,6 +29,7 @@ from tests.assembly_scenes import (
     stewart_platform,
 )
 from tests.scenes import DoublePendulum, FourBar, bennett_linkage, rotation
+from tests.similar import SCENES as SIMILAR
 from tests.similar import Units, four_bar_scene
 
 
@@ -706,3 +708,17 @@ def test_inputs_move_what_is_assembled_as_parameters_do():
     for at in ((0.1, 1.0, 0.7), (0.3, 0.8, 2.0), (-0.4, 1.2, -1.0)):
         for one, other in zip(found(at), wanted(at), strict=True):
             assert np.max(np.abs(np.array(one - other))) < 1e-12
+
+
+@pytest.mark.parametrize("name", ["spring_pendulum", "slider_crank", "screw_press"])
+def test_units_of_velocities_move_what_moves_most_by_its_own_unit_in_a_second(name):
+    for length in (1.0, 4.0**-5):
+        similar = SIMILAR[name](Units(length=length))
+        model = ac.build(similar.scene)
+        start = model.initial_state(similar.start)
+        units, rates = start_units(start)
+        for k, rate in enumerate(rates):
+            x = np.array(start.x)
+            x[units.size :] = rate * (np.arange(rates.size) == k)
+            moved = np.array(model.functions.explicit_dynamics(0, x, [], start.p)).ravel()[: units.size]
+            assert np.max(np.abs(moved) / units) == pytest.approx(1.0, rel=1e-12), (length, k)
