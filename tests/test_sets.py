@@ -12,7 +12,7 @@ import scipy.linalg
 
 import acausal as ac
 from acausal.collocation.problem import StatusKind
-from acausal.errors import ModelError, OptionError, SimulationError
+from acausal.errors import ModelError, OptionError, ParameterError, SimulationError
 from acausal.language.mode_laws import ModeLaw
 from components import (
     Brake,
@@ -67,6 +67,23 @@ def looped(plant: Any, relay: Any) -> ac.System:
     scene.connect(scene.plant.output, scene.relay.input)
     scene.connect(scene.relay.output, scene.plant.input)
     return scene
+
+
+@pytest.mark.parametrize("start", [False, True])
+def test_relay_that_begins_at_a_bound_is_beyond_it(start: bool) -> None:
+    h, k = 0.3, 2.0
+    for x, on in ((h, True), (-h, False)):
+        scene = looped(Integrator(), Relay(-h, h, off=k, on=-k, start=start))
+        run = ac.build(scene).simulate(0.7, {scene.plant.x: x}, rtol=1e-12)
+        assert run[scene.relay.closed][0] == on
+        assert times(run) == pytest.approx([0.3, 0.6], rel=1e-12)
+
+
+@pytest.mark.parametrize("part", [Relay, Thermostat])
+def test_what_has_no_play_is_refused(part: Any) -> None:
+    for upper in (1.0, 1.0 - 1e-9):
+        with pytest.raises(ParameterError, match="Give lower < upper"):
+            part(1.0, upper)
 
 
 @pytest.mark.parametrize("size", [1.0, 1e-7, 1e5])
