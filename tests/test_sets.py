@@ -609,3 +609,18 @@ def test_what_depends_on_what_is_set_by_what_is_set_is_heeded_in_the_same_instan
     run = ac.build(scene).simulate(1.2 * sticks, {scene.mass.s: 0.0, scene.mass.v: 0.0, scene.belt.flange.s: 0.0}, rtol=1e-12)
     assert run.transitions[-1].time == pytest.approx(sticks, rel=1e-12)
     assert run[scene.mass.s][-1] == pytest.approx(speed**2 * mass / drag / 2 + speed * 0.2 * sticks, rel=1e-11)
+
+
+@pytest.mark.parametrize("t0", [-0.7, 0.3, 1.0, 2.6])
+def test_samples_are_taken_at_whole_periods_whenever_a_motion_begins(t0: float) -> None:
+    period, rate = 0.5, 3.0
+    scene = ac.System()
+    scene.plant, scene.hold, scene.rate = Integrator(), SampleAndHold(period), TimeFunction(lambda t: rate + 0 * t)
+    scene.connect(scene.rate.output, scene.plant.input)
+    scene.connect(scene.plant.output, scene.hold.input)
+    run = ac.build(scene).simulate(t0 + 1.2, {scene.plant.x: rate * t0}, t0=t0, samples=np.linspace(t0, t0 + 1.2, 25), rtol=1e-11)
+    ticks = period * np.arange(np.floor(t0 / period) + 1, np.floor((t0 + 1.2) / period) + 1)
+    assert times(run) == pytest.approx(ticks, rel=1e-12)
+    between = np.array([np.min(np.abs(np.append(ticks, 9.0) - t)) > 1e-6 for t in run.t])
+    last = np.array([max([t0, *ticks[ticks <= t]]) for t in run.t])
+    assert np.ravel(run[scene.hold.output.value])[between] == pytest.approx(rate * last[between], rel=1e-11)
