@@ -79,6 +79,17 @@ def test_relay_that_begins_at_a_bound_is_beyond_it(start: bool) -> None:
         assert times(run) == pytest.approx([0.3, 0.6], rel=1e-12)
 
 
+@pytest.mark.parametrize("start", [False, True])
+def test_thermostat_begins_by_its_input_and_as_it_is_told_only_between_its_bounds(start: bool) -> None:
+    lower, upper, power = 292.0, 295.0, 7.0
+    scene = looped(Integrator(), Thermostat(lower, upper, power=power, start=start))
+    model = ac.build(scene)
+    for x, heats in ((lower - 1.0, True), (lower, True), (293.0, start), (upper, False), (upper + 1.0, False)):
+        run = model.simulate(0.1, {scene.plant.x: x}, rtol=1e-12)
+        assert run[scene.relay.heats][0] == heats
+        assert run[scene.plant.x][-1] == pytest.approx(x + 0.1 * power * heats, rel=1e-12)
+
+
 @pytest.mark.parametrize("part", [Relay, Thermostat])
 def test_what_has_no_play_is_refused(part: Any) -> None:
     for upper in (1.0, 1.0 - 1e-9):
