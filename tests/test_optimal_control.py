@@ -31,6 +31,7 @@ from components import (
     RigidBody,
     Rod,
     RollingBall,
+    SlidingMass,
     Torque,
     TorqueSource,
     TranslationalDamper,
@@ -1082,6 +1083,21 @@ def test_estimates_are_exact_without_noise(swung: Any) -> None:
     assert np.allclose(found.values, [0.63, 0.4, 1.0], rtol=1e-8)
     assert found.chi2 < 1e-10
     assert "hinge.q = 1" in str(found)
+
+
+def test_errors_and_correlation_of_a_straight_line_are_those_of_its_normal_equations() -> None:
+    scene = ac.System()
+    scene.mass = SlidingMass(2.0)
+    model, t, sigma = ac.build(scene), np.array([0.3, 0.5, 1.1, 1.6, 2.4]), 0.02
+    y = 0.7 - 1.3 * t + sigma * np.array([0.4, -1.1, 0.3, 0.9, -0.6])
+    found = ac.estimate(
+        model, {scene.mass.s: (t, y, sigma)}, [scene.mass.s, scene.mass.v], {scene.mass.s: 0.5, scene.mass.v: -1.0}
+    )
+    A = np.stack([np.ones_like(t), t], axis=1)
+    assert found.values == pytest.approx(np.linalg.lstsq(A, y)[0], rel=1e-7)
+    error, turned = np.sqrt(np.diag(np.linalg.inv(A.T @ A))), -np.mean(t) / np.sqrt(np.mean(t * t))
+    assert [found.standard_error(k) for k in (scene.mass.s, scene.mass.v)] == pytest.approx(sigma * error, rel=1e-6)
+    assert found.correlation == pytest.approx(np.array([[1.0, turned], [turned, 1.0]]), rel=1e-6)
 
 
 def test_standard_errors_cover_the_truth(swung: Any) -> None:

@@ -22,7 +22,6 @@ typedef unsigned long long VmU __attribute__((vector_size(8 * LANES)));
 #define VM_TO_INT 0x1.8p52 /* x + this: the nearest integer stands in the low bits */
 #define VM_LN2_HI 0x1.62e42fefa3800p-1 /* 42 bits: times an exponent, exact */
 #define VM_LN2_LO 0x1.ef35793c76730p-45
-#define VM_LN2 0x1.62e42fefa39efp-1
 #define VM_PI_HI 0x1.921fb54442d18p+1 /* 50 bits: times 1/4, 1/2, 3/4, exact */
 #define VM_PI_LO 0x1.1a62633145c07p-53
 

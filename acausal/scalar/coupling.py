@@ -119,11 +119,6 @@ class ScalarPart:
         return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth == 1 and h.of_inputs))
 
     @property
-    def given_position(self) -> ca.SX:
-        """Positions that inputs prescribe (n, 1), zero in a motion."""
-        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth > 1 and h.of_inputs))
-
-    @property
     def prescribed(self) -> ca.SX:
         """What inputs prescribe (n, 1): places and angles, and speeds that are no rates of these."""
         places = [h for h in self.held if h.of_inputs and h.depth > 1]
