@@ -722,3 +722,26 @@ def test_units_of_velocities_move_what_moves_most_by_its_own_unit_in_a_second(na
             x[units.size :] = rate * (np.arange(rates.size) == k)
             moved = np.array(model.functions.explicit_dynamics(0, x, [], start.p)).ravel()[: units.size]
             assert np.max(np.abs(moved) / units) == pytest.approx(1.0, rel=1e-12), (length, k)
+
+
+def test_all_at_once_angles_are_followed_by_less_than_a_radian():
+    scene = FourBar()
+    model, begin = ac.build(scene), 0.3
+    at_once, in_steps = (model.assembly_function(None, [scene.a.q], {scene.a.q: begin}, steps=steps) for steps in (1, 30))
+    angles = np.array([[*in_steps(a).full()[:3, 0]] for a in (begin, *begin + np.linspace(-1.5, 1.5, 12))])
+    for q in angles[1:]:
+        found = at_once(q[0]).full()[:3, 0]
+        if np.max(np.abs(q - angles[0])) < 1.0:
+            assert found == pytest.approx(q, abs=1e-12)
+        else:
+            assert np.isnan(found).all()
+
+
+@pytest.mark.parametrize("weight", [1.0, 9.0])
+def test_wishes_that_contradict_one_another_are_met_as_the_start_met_them_by_their_weights(weight):
+    scene = FourBar()
+    model, start = ac.build(scene), {scene.a.q: ac.near(0.3, 1.0), scene.b.q: ac.near(0.9, weight)}
+    met = model.initial_state(start).x
+    found = model.assembly_function(None, [scene.a.q, scene.b.q], start)([0.3, 0.9]).full().ravel()
+    assert abs(met[0] - 0.3) > 0.1
+    assert found == pytest.approx(met, abs=1e-8)
