@@ -19,6 +19,7 @@ from acausal.parts.pose import Pose, rotation_about_z
 from components import (
     Gear,
     Inertia,
+    Integrator,
     Particle,
     PlanetaryGear,
     PrescribedMotion,
@@ -27,6 +28,7 @@ from components import (
     RigidBody,
     SlidingMass,
     SpeedSource,
+    TimeFunction,
     TorqueSource,
     VelocitySource,
     World,
@@ -216,21 +218,44 @@ class Belt(ac.Component):
         yield ac.equal(self.b.tau, -self.s * self.pull)
 
 
-def test_a_belt_on_pulleys_of_any_radii_takes_a_freedom_though_they_are_zero_unless_told():
-    r, s, J = 0.2, 0.5, (0.3, 0.7)
+def belt_on_two_shafts(inertias: tuple[float, float], r: ac.Expression, s: ac.Expression) -> ac.System:
     scene = ac.System()
-    scene.world, scene.hinges, scene.wheels = World((0, 0, 0)), [Revolute("z") for _ in J], [RigidBody(1.0, (j, j, j)) for j in J]
+    scene.world, scene.hinges = World((0, 0, 0)), [Revolute("z") for _ in inertias]
+    scene.wheels = [RigidBody(1.0, (J, J, J)) for J in inertias]
     for hinge, wheel in zip(scene.hinges, scene.wheels, strict=True):
         scene.connect(scene.world.frame, hinge.frame_a)
         scene.connect(hinge.frame_b, wheel.frame)
-    scene.r, scene.s = ac.Input("m"), ac.Input("m")
-    scene.belt, scene.motor = Belt(scene.r, scene.s), TorqueSource(2.0)
-    scene.connect(scene.belt.a, scene.hinges[0].flange, scene.motor.flange)
+    scene.belt = Belt(r, s)
+    scene.connect(scene.belt.a, scene.hinges[0].flange)
     scene.connect(scene.belt.b, scene.hinges[1].flange)
+    return scene
+
+
+def test_a_belt_on_pulleys_of_any_radii_takes_a_freedom_though_they_are_zero_unless_told():
+    r, s, J = ac.Input("m"), ac.Input("m"), (0.3, 0.7)
+    scene = belt_on_two_shafts(J, r, s)
+    scene.r, scene.s, scene.motor = r, s, TorqueSource(2.0)
+    scene.connect(scene.motor.flange, scene.hinges[0].flange)
     model = ac.build(scene)
     assert model.degrees_of_freedom == 1
-    run = model.simulate(1.0, inputs={scene.r: r, scene.s: s}, rtol=1e-11)
-    assert run[scene.hinges[1].v] == pytest.approx(run.t * 2.0 * r / s / (J[0] + J[1] * (r / s) ** 2), rel=1e-11)
+    run = model.simulate(1.0, inputs={scene.r: 0.2, scene.s: 0.5}, rtol=1e-11)
+    assert run[scene.hinges[1].v] == pytest.approx(run.t * 2.0 * 0.4 / (J[0] + J[1] * 0.4**2), rel=1e-11)
+
+
+def test_radii_that_signals_tell_do_not_yield_to_a_belt():
+    """Its ratio k changes, energy does not: w = w_0 sqrt((J_1 + J_2 k_0^2) / (J_1 + J_2 k^2))."""
+    J, radii, rates = (0.3, 0.7), (0.2, 0.5), (0.1, -0.2)
+    r, s = Integrator(), Integrator()
+    scene = belt_on_two_shafts(J, r.x, s.x)
+    scene.r, scene.s, scene.told = r, s, [TimeFunction(lambda t, rate=rate: rate + 0 * t) for rate in rates]
+    for told, radius in zip(scene.told, (r, s), strict=True):
+        scene.connect(told.output, radius.input)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 1
+    run = model.simulate(1.0, {r.x: radii[0], s.x: radii[1], scene.hinges[0].v: 3.0}, rtol=1e-11)
+    k = (radii[0] + rates[0] * run.t) / (radii[1] + rates[1] * run.t)
+    assert run[scene.hinges[0].v] == pytest.approx(3.0 * np.sqrt((J[0] + J[1] * k[0] ** 2) / (J[0] + J[1] * k**2)), rel=1e-9)
+    assert run[scene.hinges[1].v] == pytest.approx(k * run[scene.hinges[0].v], rel=1e-11)
 
 
 class Slots(ac.Component):

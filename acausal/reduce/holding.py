@@ -103,14 +103,17 @@ def looped(system: Reduced, positions: list[np.ndarray]) -> list[int]:
 
 
 def _rows(system: Reduced, positions: list[np.ndarray]) -> list[list[np.ndarray]]:
-    """Slopes of the velocity equations of loops by velocities, of scalar equations by those and by scalar states, then the same of positions; where finite."""
+    """Slopes of the velocity equations of loops by velocities, of scalar equations by those and by scalar states that they move, then the same of positions; where
+    finite.
+    """
     scalar, tree = system.scalar, system.mechanics.tree
     n = scalar.positions
     states = ca.vertcat(ca.SX(0, 1), *(s.sx for s in scalar.states))
     velocity = ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.held if h.depth == 1))
     loops = ca.vertcat(ca.SX(0, 1), *(rows.position for rows in system.constraints.loops))
+    yields = [k for k in range(n, states.numel()) if scalar.correction is None or not scalar.correction[2][k].is_zero()]
     parts = [
-        ca.jacobian(system.constraints.velocity, tree.v), ca.jacobian(velocity, tree.v), ca.jacobian(velocity, states[n:]),
+        ca.jacobian(system.constraints.velocity, tree.v), ca.jacobian(velocity, tree.v), ca.jacobian(velocity, states)[:, yields],
         ca.jacobian(loops, tree.q), ca.jacobian(scalar.position, tree.q), ca.jacobian(scalar.position, states[:n]),
     ]  # fmt: skip
     function = ca.Function("rows", [system.t, system.x, system.u, system.p], [ca.densify(part) for part in parts])
