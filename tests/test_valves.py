@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import math
 from typing import Any
@@ -10,6 +11,8 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.collocation.modes import WithModes
+from acausal.simulate.one_way import warn_if_passed_back
 from components import (
     Capacitor,
     Ground,
@@ -286,3 +289,35 @@ def test_thyristor_that_fires_onto_an_empty_store_loses_half_of_what_it_takes() 
     assert struck.energy_lost == pytest.approx(0.5 * C * v * v, rel=1e-11)
     assert run[scene.store.v][-1] == pytest.approx(v, rel=1e-12)
     assert run[scene.valve.i][-1] == pytest.approx(v / 1e2, rel=1e-10)
+
+
+@pytest.mark.parametrize("V", [1e-6, 1.0, 1e6])
+def test_a_valve_in_a_mode_that_is_not_its_own_is_told(V: float) -> None:
+    """One that is taken for closed passes back, and one that is taken for open keeps back what would go its way."""
+    scene = ac.System()
+    scene.mains, scene.valve, scene.load, scene.ground = (
+        VoltageSource(V * np.sin(6 * ac.time)),
+        IdealDiode(),
+        Resistor(2.0),
+        Ground(),
+    )
+    scene.connect(scene.mains.pin_b, scene.valve.pin_a)
+    scene.connect(scene.valve.pin_b, scene.load.pin_a)
+    scene.connect(scene.load.pin_b, scene.mains.pin_a, scene.ground.pin)
+    model = ac.build(scene)
+    run = model.simulate(2.5, rtol=1e-10)
+    assert not warn_if_passed_back(model.functions, run)
+    met = run.solution.modes
+    assert met is not None
+    for changed in range(1, met.begins.size):
+        masks = met.masks.copy()
+        masks[0, changed] = 1 - masks[0, changed]
+        other = dataclasses.replace(met, masks=masks)
+        inputs = run.problem.inputs
+        assert isinstance(inputs, WithModes)
+        piece = dataclasses.replace(run.pieces[0], solution=dataclasses.replace(run.solution, modes=other))
+        wrong = dataclasses.replace(
+            run, pieces=(piece,), problem=dataclasses.replace(run.problem, inputs=dataclasses.replace(inputs, met=other))
+        )
+        with pytest.warns(ac.errors.AccuracyWarning, match="taken for closed" if masks[0, changed] == 1 else "taken for open"):
+            assert warn_if_passed_back(model.functions, wrong)
