@@ -489,6 +489,68 @@ def test_the_largest_cost_of_all_is_no_least_one() -> None:
         ocp.solve(5)
 
 
+@pytest.mark.parametrize(
+    ("size", "least", "most", "speed", "controls"),
+    [
+        (1.0, -0.8, 0.5, 0.0, "free"),
+        (4e-6, -0.2, 0.9, -0.2, "constant"),
+        (6e5, -0.2, 0.9, 0.0, "constant"),
+        (1e-6, -0.5, 0.9, 0.0, "free"),
+    ],
+)
+@pytest.mark.parametrize("kind", [0, 1, 2])
+def test_a_cost_that_is_bent_downwards_is_least_at_one_of_its_ends(
+    size: float, least: float, most: float, speed: float, controls: str, kind: int
+) -> None:
+    """Minus the square of where it is or of how fast, all the time or at the end: full force one way, and not the other, though that is best, too, near by; at rest the cost is the
+    largest of all, and stationary.
+    """
+    scene, T = Sledge(), 2.2
+    ocp = ac.OptimalControl(ac.build(scene), T)
+    ocp.start({scene.rail.q: 0, scene.rail.v: speed * size})
+    ocp.bound(scene.force, least * size, most * size)
+    place, rate = scene.rail.q, scene.rail.v
+    ocp.minimise((-ac.integral(place**2), -ac.integral(rate**2), -ac.at_end(place**2))[kind])
+
+    def square(u: float) -> float:
+        v = speed
+        squares = v * v * T**3 / 3 + v * u * T**4 / 4 + u * u * T**5 / 20, v * v * T + v * u * T * T + u * u * T**3 / 3
+        return (*squares, (v * T + u * T * T / 2) ** 2)[kind]
+
+    best = ocp.solve(6, controls=controls)
+    exact = -max(square(least), square(most)) * size**2
+    assert abs(best.cost - exact) <= best.cost_error + 1e-12 * abs(exact) < 1e-6 * abs(exact)
+
+
+@pytest.mark.parametrize(("time", "intervals"), [(4.456, 11), (2.206, 14)])
+def test_forces_that_are_best_at_their_bounds_say_what_a_mesh_leaves_of_them(time: float, intervals: int) -> None:
+    """The largest mean square is that of any that switch: of polynomials that do so in many intervals much is left, and told."""
+    scene, most = Sledge(), float(np.sqrt(20 / time))
+    ocp = ac.OptimalControl(ac.build(scene), time)
+    ocp.start({scene.rail.q: 0})
+    ocp.bound(scene.force, -most, most)
+    ocp.minimise(-ac.integral(scene.force**2))
+    free, held = ocp.solve(intervals), ocp.solve(intervals, controls="constant")
+    assert abs(free.cost + 20) < free.cost_error and free.violation < 1e-6
+    assert abs(held.cost + 20) < held.cost_error < 1e-6
+
+
+def test_what_a_search_near_by_loses_is_searched_from_afar(monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a finer mesh it may run off to where the cost is much more."""
+    scene = Sledge()
+    ocp = rest_to_rest(ac.build(scene), scene, ac.free(0.5, 8))
+    ocp.bound(scene.force, -1, 2)
+    ocp.minimise(ocp.duration)
+    search = attempts.search
+
+    def astray(program: Any, plugin: str, options: Any, *, warm: bool, **named: Any) -> Any:
+        w, cost, *rest = search(program, plugin, options, warm=warm, **named)
+        return w, 3 * cost if warm else cost, *rest
+
+    monkeypatch.setattr(attempts, "search", astray)
+    assert ocp.solve(5).cost == pytest.approx(np.sqrt(3.0), abs=1e-6)
+
+
 def test_what_stands_in_the_way_is_named_with_when() -> None:
     """Too weak for so far in so short a time: the force pulls one way, then the other, to stand at the end."""
     scene = Sledge()

@@ -29,6 +29,10 @@ _HOPELESS = 300
 _BRIEFLY = {"ipopt.max_iter": _HOPELESS}
 _BESIDE, _LOWER = 1e-2, 1e-6
 """Of the unknowns, how far beside a guess that is found stationary it begins anew; of the cost, what is lower then."""
+_BENT = 1e-4
+"""In units of the program: what is added to the curvature of a cost, and is more than rounding."""
+_MORE = 0.02
+"""Of the cost: by how much it is more on another mesh, where that tells more of the search than of the mesh."""
 MOST_PIECES = 4
 """Into which an interval is divided at once."""
 
@@ -138,10 +142,8 @@ class Searches:
         w, cost, factors, gaps, stats = search(
             problem.program, self._plugin, options, warm=warm, begin=begin, solvers=None if begin is None else self._solvers
         )
-        if stats["success"] and not warm and not stats["iter_count"]:  # slopes vanish at the largest cost, too: from beside it
-            beside = (problem.program.guess if begin is None else begin) + _BESIDE * np.random.default_rng(0).uniform(
-                -1, 1, w.size
-            )
+        if stats["success"] and not warm and _stationary(stats):  # slopes vanish at the largest cost, too: from beside it
+            beside = w + _BESIDE * np.random.default_rng(0).uniform(-1, 1, w.size)
             again = search(problem.program, self._plugin, {**_BRIEFLY, **options}, warm=False, begin=beside)
             if again[1] < cost - _LOWER * problem.program.unit:
                 w, cost, factors, gaps, stats = again
@@ -149,6 +151,11 @@ class Searches:
         if warm and not stats["success"] and stats["return_status"] != INTERRUPTED:  # not so near: as from afar
             w, cost, factors, gaps, stats = search(problem.program, self._plugin, options, warm=False)
             self._iterations += int(stats["iter_count"])
+        elif warm and stats["success"] and _rose(problem, cost):  # nor this: it left what it began at
+            again = search(problem.program, self._plugin, options, warm=False)
+            self._iterations += int(again[-1]["iter_count"])
+            if (again[-1]["success"] and again[1] < cost) or again[-1]["return_status"] == INTERRUPTED:
+                w, cost, factors, gaps, stats = again
         w = problem.unwound(w)
         self._seconds += time.perf_counter() - begun
         own = [problem.own_cost(w, k) for k in range(len(parts))] if len(parts) > 1 else [cost]
@@ -207,6 +214,18 @@ def divided(best: Optimum, pieces: np.ndarray, more: Sequence[int] = ()) -> Mesh
     """Its mesh with so many pieces (intervals,) in place of each interval; nodes that were loose still are, and some `more` of them."""
     loose = sorted({*best.transcribed.mesh.loose, *more})
     return replace(best.mesh.refined(pieces), loose=tuple(np.append(0, np.cumsum(pieces))[loose].tolist()))
+
+
+def _stationary(stats: dict[str, Any]) -> bool:
+    """Whether the solver says of its search that it ended where it began, or where the cost is bent downwards."""
+    bent = stats["iterations"]["regularization_size"] if "iterations" in stats else ()
+    return not stats["iter_count"] or (len(bent) > 0 and bent[-1] > _BENT)
+
+
+def _rose(problem: Whole, cost: float) -> bool:
+    """Whether a cost is clearly more than where the search for it began, at what was found on another mesh."""
+    before = float(problem.program.values(problem.program.guess)[0]) * problem.program.unit
+    return cost - before > _MORE * max(abs(cost), abs(before))
 
 
 def _feigned(best: Optimum) -> bool:

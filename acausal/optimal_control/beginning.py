@@ -6,14 +6,14 @@ while it lies, the cheapest first.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from acausal.optimal_control.attempts import COARSE, Attempt, Searches, finer
 from acausal.optimal_control.failing import bottomless, unmet
-from acausal.optimal_control.guess import Guess
+from acausal.optimal_control.swings import Other
 from acausal.optimal_control.whole import Part
 
 _CHEAP = 400_000
@@ -29,7 +29,7 @@ _FINER = 2
 def best_beginning(
     searches: Searches,
     parts: Sequence[Part],
-    others: Sequence[Sequence[Callable[[], Guess]]],
+    others: Sequence[Sequence[Other]],
     tolerance: float,
     refinements: int,
 ) -> Attempt:
@@ -49,7 +49,7 @@ def best_beginning(
 def _begun(
     searches: Searches,
     parts: Sequence[Part],
-    others: Sequence[Sequence[Callable[[], Guess]]],
+    others: Sequence[Sequence[Other]],
     tolerance: float,
     refinements: int,
 ) -> Attempt:
@@ -68,7 +68,7 @@ def _begun(
         for guess in row:
             if work >= _CHEAP or _agree(tried):
                 break
-            tried.append(searches.elsewhere(base, guess()))
+            tried.append(searches.elsewhere(base, guess(base.phases[0].motion)))
             work += tried[-1].work
             if not tried[-1].success and _fell(tried[-1]):
                 return tried[-1]

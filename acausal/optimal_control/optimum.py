@@ -29,12 +29,19 @@ if TYPE_CHECKING:
 _REPLAYED = 1e-10
 _AT_BOUND = 1e-5
 """Of its size: how near to its bound something is that is at it."""
-LEFT = 1.25
-"""Times what more points change in a cost: they leave some of it in their turn."""
+_LEFT, _CLEAR = 1.25, 1e-3
+"""Times what more points change in a cost: they leave some of it in their turn. Of the cost: what they change more than that, they leave in the ratio of their numbers, as where
+an input cannot jump within an interval."""
 _LITTLE = 1e-3
 """Of the unit of the cost: what integrals are measured by that are less."""
 _DIGITS = 1e-8
 """Of what a state is: it does not vary by less, beside rounding."""
+
+
+def left(cost: float, sharper: float, stages: int) -> float:
+    """About how far a cost is from the least one on its nodes: by that with one point more in each interval than these `stages`."""
+    change = abs(cost - sharper)
+    return (_LEFT if change <= _CLEAR * abs(cost) else stages + 1) * change
 
 
 @dataclass(frozen=True, eq=False)
@@ -327,7 +334,8 @@ class Optimum:
         """
         if self.sharper is None:
             return float("nan")
-        return LEFT * abs(self.cost - self.sharper.costs[self.phase]) + self.sharper.off + self.unsettled
+        off = left(self.cost, self.sharper.costs[self.phase], self.mesh.tableau.stages)
+        return off + self.sharper.off + self.unsettled
 
     @property
     def unsettled(self) -> float:

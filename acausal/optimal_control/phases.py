@@ -17,7 +17,7 @@ from acausal.language.pieces import PiecewisePolynomial
 from acausal.optimal_control.link import Link
 from acausal.optimal_control.mesh import Mesher
 from acausal.optimal_control.mode import PhaseMode, replace_words
-from acausal.optimal_control.optimum import LEFT, Optimum
+from acausal.optimal_control.optimum import Optimum, left
 from acausal.optimal_control.problem import OptimalControl
 from acausal.optimal_control.solving import best_of
 from acausal.optimal_control.stage import Stage
@@ -196,7 +196,8 @@ class PhasesOptimum:
         """About how far the cost is from the least one, see `Optimum.cost_error`: of all phases together, since what one loses another may gain."""
         sharper = self.phases[0].sharper
         assert sharper is not None
-        return LEFT * abs(self.cost - sum(sharper.costs)) + sharper.off + sum(one.unsettled for one in self.phases)
+        off = left(self.cost, sum(sharper.costs), self.phases[0].mesh.tableau.stages)
+        return off + sharper.off + sum(one.unsettled for one in self.phases)
 
     @functools.cached_property
     def _begins(self) -> np.ndarray:

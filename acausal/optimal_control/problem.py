@@ -413,7 +413,8 @@ class OptimalControl:
         return np.concatenate([states, states[nq : nq + nv] / time, np.ones(loops), drive])
 
     def _measured(self, asked: Asked, units: np.ndarray, first: Guess) -> np.ndarray:
-        """(width,): these units, all lengths times one factor and all angles times another, by how far and how fast the guess moves; multipliers, and inputs that are
+        """(width,): these units, all lengths times one factor and all angles times another, by how far and how fast the guess moves, or by what inputs within their bounds move where
+        it rests; multipliers, and inputs that are
         not bounded, by what they are in it, and by what inertia resists.
         """
         stage, found = asked.stage, units.copy()
@@ -424,14 +425,15 @@ class OptimalControl:
         far[nq:] = np.max(np.abs(first.values[:, nq:nx]), axis=0, initial=0.0)
         moves = far / units[:nx]
         moves[moves <= _STILL * np.max(np.abs(first.values[:, :nq]) / units[:nq], initial=0.0)] = 0.0
+        more = np.append(first.duration, first.free)
+        slope = np.abs(stage.slopes_of(stage.driving, np.append(first.values[0], more), 0.0))
+        reach = _reach(asked, slope, units)
         for kind in ("m", "rad"):
             own = np.flatnonzero((kinds == kind) & (np.arange(nx) < nq + nv))
-            factor = np.max(moves[own], initial=0.0)
+            factor = np.max(moves[own], initial=0.0) or np.max(reach[own], initial=0.0)
             found[own] *= factor if factor > 0 else 1.0
         found[nx : nx + nv] *= found[nq : nq + nv] / units[nq : nq + nv]
-        more = np.append(first.duration, first.free)
         found[nq + nv : nx] = _scalars(asked, first)
-        slope = np.abs(stage.slopes_of(stage.driving, np.append(first.values[0], more), 0.0))
         inertia = np.max(slope[:, :nv] * found[nx : nx + nv], axis=1, initial=0.0)
         moving = inertia > 0
         acting = np.max(slope[moving, nv:] / inertia[moving, None], axis=0, initial=0.0)
@@ -511,6 +513,27 @@ def _total(stage: Stage, cost: Cost, what: str) -> Total:
         return found
 
     return Total(added("integrals"), added("averages"), added("starts"), added("ends"), cost.duration)
+
+
+def _reach(asked: Asked, slope: np.ndarray, units: np.ndarray) -> np.ndarray:
+    """(nx,): how fast inputs that are bounded make velocities from rest, alone, in units of each, and of angles no more than one: they count by their sines; 0 where nothing is
+    known. `slope` (rows, width - nx): of the equations of motion.
+    """
+    stage = asked.stage
+    nx, nv, _, inputs = stage.sizes
+    nq, found = stage.functions.space.nq, np.zeros(nx)
+    bounded = sorted(
+        {
+            k
+            for k, limits, r in asked.entries
+            if k >= stage.width - inputs and np.isfinite([limits.lower[r], limits.upper[r]]).all()
+        }
+    )
+    inertia = np.diag(slope[:nv, :nv]) * units[nx : nx + nv]
+    push = np.max(slope[:nv, [k - nx for k in bounded]] * units[bounded], axis=1, initial=0.0)
+    found[nq : nq + nv] = np.where(inertia > 0, push / np.where(inertia > 0, inertia, 1.0), 0.0)
+    turning = np.array([unit.startswith("rad") for unit in state_units(stage.functions)])
+    return np.where(turning, np.minimum(found, 1.0), found)
 
 
 def _scalars(asked: Asked, first: Guess) -> np.ndarray:

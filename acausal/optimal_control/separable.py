@@ -157,14 +157,13 @@ class Program:
         return replace(self, terms=terms, linear=(none, none, np.zeros(0)), limits=np.zeros((2, 0)))
 
     def balanced(self) -> Program:
-        """With rows, and the cost, in units in which the largest of their slopes at the guess is 1."""
+        """With rows, and the cost, in units in which the largest of their slopes at the guess is 1; where that of the cost vanishes, at one unit beside it."""
         slopes = np.abs(np.array(self._jacobian(self.guess, ca.DM(0, 1))[1].nonzeros()))
         row = np.array(self._jacobian.sparsity_out(1).row(), dtype=int)
         largest = np.zeros(self.rows)
         np.maximum.at(largest, row, np.where(np.isfinite(slopes), slopes, 0.0))
         size = 1 / np.where(largest > 0, largest, 1.0)
-        slope = np.abs(np.array(self._gradient(self.guess, ca.DM(0, 1))[1])).ravel()
-        steepest = float(np.max(slope[np.isfinite(slope)], initial=0.0))
+        steepest = self._steepest(self.guess) or self._steepest(self.guess + np.random.default_rng(0).uniform(-1, 1, self.size))
         of_cost = 1 / steepest if steepest > 0 else 1.0
         all_sizes = np.concatenate([size, [1.0, of_cost]])  # NOWHERE, COST
         terms = [replace(term, weights=term.weights * all_sizes[term.rows]) for term in self.terms]
@@ -178,6 +177,11 @@ class Program:
             unit=self.unit / of_cost,
             sizes=size,
         )
+
+    def _steepest(self, w: np.ndarray) -> float:
+        """The largest slope of the cost."""
+        slope = np.abs(np.array(self._gradient(w, ca.DM(0, 1))[1])).ravel()
+        return float(np.max(slope[np.isfinite(slope)], initial=0.0))
 
     @functools.cached_property
     def values(self) -> ca.Function:

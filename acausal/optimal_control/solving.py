@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -14,11 +14,11 @@ from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
 from acausal.optimal_control.attempts import COARSE, MOST_PIECES, Attempt, Found, Searches, divided, finer
 from acausal.optimal_control.beginning import best_beginning
 from acausal.optimal_control.failing import failure
-from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.link import Link
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.promises import broken_promises
+from acausal.optimal_control.swings import Other
 from acausal.optimal_control.whole import Part
 
 _DEAR = 750_000
@@ -34,7 +34,7 @@ def best_of(
     options: dict[str, Any],
     tolerance: float,
     refinements: int,
-    others: Sequence[Sequence[Callable[[], Guess]]] = (),
+    others: Sequence[Sequence[Other]] = (),
 ) -> Found:
     """Solved on a mesh, and again where intervals are off by more than the tolerance. `others`: of the one part that there is then, see `best_beginning`. Raises
     `OptimalControlError`.

@@ -6,8 +6,11 @@ import functools
 import zlib
 from collections.abc import Callable
 
+import casadi as ca
 import numpy as np
 
+from acausal.numerics.folding import folded_function
+from acausal.optimal_control.asked import Asked
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.stage import Stage
 from acausal.optimal_control.whole import Part
@@ -20,6 +23,8 @@ _STEP = 1e-5
 """Of what is much for a state: the difference by which slopes are taken."""
 _POINTS = 3
 """Intervals in which a swing comes and goes, at least."""
+_PLACES, _ROUNDING = 7, 1e-9
+"""Points at which it is looked up how a cost is bent; of its largest curvature, what is none."""
 _ANY = 2
 """How many other paths are tried where nothing was found."""
 _WAVES = 3
@@ -28,21 +33,54 @@ _LONGER = (2.0, 0.5, 4.0)
 """How much more time another path takes where nothing was found."""
 
 
-def other_guesses(part: Part, count: int) -> list[list[Callable[[], Guess]]]:
+Other = Callable[[Guess], Guess]
+"""Another guess, from what was found from the first one."""
+
+
+def other_guesses(part: Part, count: int) -> list[list[Other]]:
     """So many of each: those with swings of the scene's own; those with any, where these lead nowhere; then those in more time and less, where that is free. None where
-    a motion was given; no swings where all is linear, or where nothing has a place.
+    a motion was given; no swings where all is linear and the cost is bent upwards, or where nothing has a place.
     """
     bent, stage, first = part.bent, part.asked.stage, part.guess
     if bent is None or count == 0:
         return []
     least, most = part.asked.duration
     times = [factor * first.duration for factor in _LONGER if least <= factor * first.duration <= most][:count]
-    others = [[functools.partial(bent, 0.0, one) for one in times]]
-    if part.asked.linear or stage.functions.space.nq == 0:
+    others = [[_made(bent, 0.0, one) for one in times]]
+    if stage.functions.space.nq == 0 or (part.asked.linear and not _bent_down(part.asked, first, part.units)):
         return [[], *others] if times else []
+    if part.asked.linear:  # there are several best ones by what is minimised alone, one way and the other
+        ways = [sign * one for one in _any(stage, first, part.units, _ANY) for sign in (1, -1)]
+        return [[functools.partial(_mirrored, first), *(_made(bent, one, None) for one in ways)][:count], *others]
     own = _natural(stage, first, part.units, part.mesh.intervals)[:count]
     swings = own, _any(stage, first, part.units, min(count, _ANY))
-    return [[functools.partial(bent, one, None) for one in bends] for bends in swings] + others
+    return [[_made(bent, one, None) for one in bends] for bends in swings] + others
+
+
+def _made(bent: Callable[[np.ndarray | float, float | None], Guess], bend: np.ndarray | float, time: float | None) -> Other:
+    """Whatever was found."""
+    return lambda _: bent(bend, time)
+
+
+def _mirrored(first: Guess, found: Guess) -> Guess:
+    """As far from the guess as what was found, on its other side: what is linear is possible there, too."""
+    values = 2 * first.at(found.times) - found.values
+    return Guess(found.times, values, first.duration, first.free)
+
+
+def _bent_down(asked: Asked, first: Guess, units: np.ndarray) -> bool:
+    """Whether what is minimised is bent downwards by the unknowns of a point, at the guess or beside it."""
+    stage, more = asked.stage, np.append(first.duration, first.free)
+    z, rng = stage.unknowns[: stage.width], np.random.default_rng(0)
+    for part in (asked.cost.integrals, asked.cost.averages, asked.cost.starts, asked.cost.ends):
+        bend = ca.densify(ca.hessian(stage.put(part), z)[0])
+        function = folded_function("bend", [stage.unknowns, stage.data], [bend])
+        for at in np.linspace(0, len(first.values) - 1, _PLACES).astype(int):
+            place = first.values[at] + units * rng.normal(size=units.size)
+            found = np.array(function(np.append(place, more), [first.times[at], 0.0])) * units * units[:, None]
+            if np.isfinite(found).all() and np.min(np.linalg.eigvalsh(found)) < -_ROUNDING * np.max(np.abs(found)):
+                return True
+    return False
 
 
 def _natural(stage: Stage, first: Guess, units: np.ndarray, intervals: int) -> list[np.ndarray]:
