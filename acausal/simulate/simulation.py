@@ -137,14 +137,15 @@ def simulate(functions: Functions, at: Situation, end: float, options: Options) 
         raise OptionError(
             f"The method {solution.statistics.method} does not go with what opens, slips, strikes or is set: {who}."
         )
-    whole_run = Trajectory(
-        functions, problem.with_modes(solution.modes), (Piece(functions, problem, solution),), initial, problem.read, ()
-    )
-    solution = sound(functions, whole_run, options.accuracy)
-    problem = problem.with_modes(solution.modes)
-    reached = float(solution.t[-1])
-    times = problem.read if reached == end else options.times_until(t0, reached)
-    run = Trajectory(functions, problem, (Piece(functions, problem, solution),), initial, times, options.events)
+
+    def run_of(solution: Solution) -> Trajectory:
+        own, reached = problem.with_modes(solution.modes), float(solution.t[-1])
+        times = problem.read if reached == end else options.times_until(t0, reached)
+        return Trajectory(functions, own, (Piece(functions, own, solution),), initial, times, options.events)
+
+    run = run_of(solution)
+    kept = sound(functions, run, options.accuracy)
+    run = run if kept is solution else run_of(kept)
     return concluded(run, end, options, jumps)
 
 
