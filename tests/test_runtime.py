@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import gc
 import os
 import pickle
 import signal
@@ -18,6 +19,7 @@ import acausal as ac
 from acausal.collocation.problem import Accuracy, Problem, StatusKind
 from acausal.errors import OptionError, RoundingWarning, SimulationError
 from acausal.integrators.integrate import integrate
+from acausal.runtime import native
 from acausal.runtime.integrand import Integrand
 from acausal.runtime.native import native_problem
 from components import NonlinearSpring, Particle, Revolute, RigidBody, RollingDisk, Spring, Torque, World
@@ -255,6 +257,22 @@ def test_nothing_leaks_over_many_runs():
     assert (
         resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before < 4000
     )  # kB; 300 runs keep some 20 MB when nothing is freed
+
+
+def test_integrations_that_outlive_their_modules_end_without_a_word(monkeypatch):
+    """When Python ends modules are emptied, some of them before what uses them."""
+    kept, begun = [], native.Run.__init__
+
+    def made(self, *given):
+        begun(self, *given)
+        kept.append(self)
+
+    monkeypatch.setattr(native.Run, "__init__", made)
+    pendulum()[0].simulate(0.1)
+    assert kept
+    monkeypatch.setattr(native, "ctypes", None)
+    kept.clear()
+    gc.collect()  # what is raised there is a warning, and those are errors
 
 
 def test_signal_handlers_are_left_as_they_were():

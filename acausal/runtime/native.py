@@ -359,6 +359,7 @@ class Run:
         self.error: BaseException | None = None
         template, self._table = native.template(choice)
         core = self.core = Integrator.from_buffer_copy(template)
+        self._finish = functools.partial(native.library.finish, ctypes.byref(core))  # modules may be gone by then
         self.x = np.array(x0, dtype=float)
         self._p = np.ascontiguousarray(problem.parameters, dtype=float)
         self._u = np.zeros(max(1, native.nu))
@@ -398,8 +399,8 @@ class Run:
             np.maximum(size, problem.met, out=size)
 
     def __del__(self) -> None:
-        if hasattr(self, "core"):
-            self.native.library.finish(ctypes.byref(self.core))
+        if hasattr(self, "_finish"):
+            self._finish()
 
     @contextlib.contextmanager
     def _programs_of_modes(self) -> Generator[None]:
