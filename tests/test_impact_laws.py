@@ -190,3 +190,21 @@ def test_an_impact_is_named_from_where_it_begins_to_gain_energy() -> None:
 def test_restitution_of_a_law_is_from_0_to_1(law: type[ac.Poisson]) -> None:
     with pytest.raises(ac.errors.ParameterError, match=rf"{law.__name__}'s restitution is 1\.5 .*test_impact_laws"):
         law(1.5)
+
+
+@pytest.mark.parametrize(("e", "u"), [(0.3, 0.2), (0.5, 0.5), (0.6, 0.9)])
+def test_what_touches_and_leaves_is_met_by_newtons_law_only_where_it_would_close(e: float, u: float) -> None:
+    """Three equal balls in contact with speeds 1, 0, u: rates after it are at least e at the first gap and zero at the second one, impulses P, Q >= 0."""
+    scene = ac.System()
+    scene.world, scene.balls = World(None), [RigidBody.ball(1.0, 0.5) for _ in range(3)]
+    scene.pairs = [Contact(Sphere(0.5), Sphere(0.5), Hard(ac.Newton(e))) for _ in range(2)]
+    start: dict[object, object] = {}
+    for k, (ball, speed) in enumerate(zip(scene.balls, (1.0, 0.0, u), strict=True)):
+        start |= {ball.frame.position: (k, 0, 0), ball.frame.velocity: (speed, 0, 0)}
+    for pair, a, b in zip(scene.pairs, scene.balls, scene.balls[1:], strict=False):
+        scene.connect(a.frame, pair.frame_a)
+        scene.connect(pair.frame_b, b.frame)
+    run = ac.build(scene).simulate(0.1, start, rtol=1e-10)  # pyright: ignore[reportArgumentType]
+    P = (1 + e) / 2 if u > (1 + e) / 2 else (1 + e - u / 2) / 1.5
+    Q = max((P - u) / 2, 0.0)
+    assert [run[ball.frame.velocity][-1, 0] for ball in scene.balls] == pytest.approx([1 - P, P - Q, u + Q], abs=1e-13)
