@@ -1178,6 +1178,28 @@ def test_standard_errors_cover_the_truth(swung: Any) -> None:
     assert np.mean(np.square(off)) == pytest.approx(1.0, abs=4 * np.sqrt(2 / 50))
 
 
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e6])
+def test_no_motion_is_made_for_what_only_rounding_would_gain(swung: Any, unit: float) -> None:
+    """Gauss and Newton's steps end as fast as they come nearer; least squares with a tenth of the step beside say the same values."""
+    scene, model, run = swung
+    rng, t = np.random.default_rng(5), np.linspace(0.1, 3, 40)
+    y = run.at(t)[scene.hinge.q] + 0.01 * rng.normal(size=t.size)
+    data = {unit * scene.hinge.q: (t, unit * y, 0.01 * unit)}
+    found = ac.estimate(model, data, [scene.length, scene.torque, scene.hinge.q], {scene.hinge.q: 0.9})
+    assert found.evaluations <= 7
+
+    def chi2(length: float, torque: float, q: float) -> float:
+        own = model.simulate(
+            3.0, {scene.hinge.q: q}, parameters={scene.length: length}, inputs={scene.torque: torque}, rtol=1e-11
+        )
+        return float(np.sum(((own.at(t)[scene.hinge.q] - y) / 0.01) ** 2))
+
+    errors = [found.standard_error(one) for one in found.unknowns]
+    for k in range(3):  # a parabola through three values beside has its least one here
+        low, high = (chi2(*(found.values + way * np.eye(3)[k] * errors[k])) for way in (-0.3, 0.3))
+        assert abs(high - low) < 0.3 * (high + low - 2 * found.chi2) / 2
+
+
 def test_a_model_that_is_not_near_its_data_is_said(swung: Any) -> None:
     """Here nobody said that a torque acts: the fit is the best there is, and worth nothing."""
     scene, model, run = swung

@@ -27,6 +27,8 @@ _UNSEEN = 1e-6
 _UNFELT = 1e-12
 """Of what others do to the data: less is rounding."""
 
+_SETTLED = 1e-12
+"""Of what chi squared is for each measured value that is left: what a step would gain, where no step is worth a motion; a millionth of standard errors."""
 _PAUSE = 1e5
 """Times what data usually come apart: a pause that nobody means."""
 
@@ -260,12 +262,20 @@ def _check_gaps(name: str, times: np.ndarray) -> None:
         )
 
 
+class _SettledAt(Exception):
+    """The search is at its end, with these `values`."""
+
+    def __init__(self, values: np.ndarray) -> None:
+        super().__init__()
+        self.values = values
+
+
 class _Fit:
     """All recordings together."""
 
     def __init__(self, runs: list[_Run], first: np.ndarray) -> None:
         self.runs, self.first = runs, first
-        self.evaluations = 0
+        self.evaluations, self._least = 0, np.inf
         self._known: tuple[bytes, np.ndarray, np.ndarray] | None = None
 
     def _both(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -281,15 +291,29 @@ class _Fit:
                 self._known = values.tobytes(), 10 * before[1], before[2]  # no motion there: the step is refused
         return self._known[1], self._known[2]
 
+    def _rows(self, values: np.ndarray) -> np.ndarray:
+        """Residuals. Raises `_SettledAt` where no step would gain anything: steps that are refused by rounding alone cost a motion each."""
+        rows, slopes = self._both(values)
+        chi2, freedom = float(rows @ rows), max(1, rows.size - values.size)
+        if chi2 <= self._least:
+            self._least = chi2
+            effect = np.linalg.norm(slopes, axis=0)
+            U, s, _ = np.linalg.svd(slopes / np.where(effect > 0, effect, 1.0), full_matrices=False)
+            gain = float(np.sum((U[:, s > _UNSEEN].T @ rows) ** 2))
+            if gain <= _SETTLED * chi2 / freedom:
+                raise _SettledAt(values.copy())
+        return rows
+
     def solved(self, unknowns: tuple[Expression, ...], names: tuple[str, ...]) -> Estimate:
         """The least squares."""
         import scipy.optimize
 
         fit: Any = scipy.optimize.least_squares  # its stub knows no slopes as a function
-        found = fit(
-            lambda v: self._both(v)[0], self.first, lambda v: self._both(v)[1], x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-14
-        )
-        values = np.asarray(found.x)
+        try:
+            found = fit(self._rows, self.first, lambda v: self._both(v)[1], x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-14)
+            values = np.asarray(found.x)
+        except _SettledAt as settled:
+            values = settled.values
         rows, slopes = self._both(values)
         size, felt = self._sizes(values, slopes)
         _, s, V = np.linalg.svd(np.linalg.qr(np.where(felt, slopes * size, 0.0), mode="r"))
