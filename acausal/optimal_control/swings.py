@@ -77,7 +77,7 @@ def _bent_down(asked: Asked, first: Guess, units: np.ndarray) -> bool:
         function = folded_function("bend", [stage.unknowns, stage.data], [bend])
         for at in np.linspace(0, len(first.values) - 1, _PLACES).astype(int):
             place = first.values[at] + units * rng.normal(size=units.size)
-            found = np.array(function(np.append(place, more), [first.times[at], 0.0])) * units * units[:, None]
+            found = np.array(function(np.append(place, more), [float(first.times[at]), 0.0])) * units * units[:, None]
             if np.isfinite(found).all() and np.min(np.linalg.eigvalsh(found)) < -_ROUNDING * np.max(np.abs(found)):
                 return True
     return False
