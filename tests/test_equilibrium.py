@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.analysis.nearest import NearestRoot, Rows
 from acausal.errors import EquilibriumError, OptionError, StartValueError, UnknownVariableError
 from components import (
     AngleSource,
@@ -367,3 +368,19 @@ def test_of_a_family_of_equilibria_the_same_is_found_in_any_unit(size):
         assert found.dimension
         places.append(np.concatenate([found[body.frame.position] / of, found[body.frame.rotation].ravel()]))
     assert np.max(np.abs(places[0] - places[1])) < 1e-6
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e5])
+def test_a_root_that_is_as_near_as_its_unknowns_are_rounded_is_found(size):
+    """Rows with more rounding than their arguments tell of; with a gap that is more than rounding there is none."""
+    for number, (noise, gap) in enumerate(((3e-15, 0.0), (6e-15, 0.0), (3e-15, 1e-9), (0.0, 1e-12))):
+        target = size * np.random.default_rng(number).normal(size=2)
+
+        def residual(z, target=target, noise=noise, gap=gap):
+            y = (z - target) / size
+            return np.append(y, y[0] + y[1] + gap) + noise * np.sin(1e15 * z / size @ [1.0, 2.0] + np.arange(3))
+
+        rows = Rows(residual, lambda z: np.array([[1, 0], [0, 1], [1, 1]]) / size, lambda z, sizes: np.full(3, 1e-20))
+        found = NearestRoot(rows, None, np.full(2, size), np.full(2, np.inf))(np.zeros(2))
+        assert found.converged == (gap == 0), (noise, gap)
+        assert gap or np.max(np.abs(found.z - target)) < 1e-12 * size

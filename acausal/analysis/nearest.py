@@ -13,6 +13,8 @@ from acausal.numerics.sizes import Sizes
 from acausal.numerics.thresholds import ROUNDING
 
 _ZERO = 1e3
+_NEXT_TO_NOTHING = 1e-11
+"""Of what the sizes of the unknowns make of a row."""
 _AROUND = 0.1
 _SAMPLES = 5
 _RANK = 1e-8
@@ -84,6 +86,20 @@ class NearestRoot:
         """What counts as zero in each row (m,)."""
         return _ZERO * self.hard.rounding(z, self.scale)
 
+    def _told(self, found: Assembled, sizes: Sizes) -> Assembled:
+        """Converged, too, where what is left would move the unknowns by no more than rounding does: rows may be sums of terms that
+        rounding of their arguments does not tell of.
+        """
+        if found.converged or not found.part < _NEXT_TO_NOTHING:
+            return found
+        J, c = sizes.scaled(self.hard.jacobian(found.y)), found.left / sizes.rows
+        if not np.isfinite(J).all():
+            return found
+        step, allowed = np.linalg.lstsq(J, -c, rcond=_RANK)[0], _ZERO * np.finfo(float).eps
+        moved = np.max(np.abs(step) / (1 + np.abs(found.y / self.scale)), initial=0.0)
+        left = np.max(np.abs(c + J @ step), initial=0.0)
+        return replace(found, converged=bool(moved <= allowed and left <= ROUNDING))
+
     def _searched(self, guess: np.ndarray, near: np.ndarray, sizes: Sizes) -> Assembled:
         """For the wishes first, then with these held, for the least distance."""
 
@@ -95,10 +111,11 @@ class NearestRoot:
 
         soft, exact = self.soft, partial(assemble, tolerance=0.0, stride=np.inf, approach=False)
         if soft is None:
-            return exact(hard, guess, back, sizes=sizes)
+            return self._told(exact(hard, guess, back, sizes=sizes), sizes)
         most = np.max(np.abs(soft.jacobian(guess) * self.scale), axis=1, initial=0.0)
         size = np.where(most > 0, most, 1.0)
         found = exact(hard, guess, lambda z: (soft.residual(z) / size, soft.jacobian(z) / size[:, None]), sizes=sizes)
+        found = self._told(found, sizes)
         if not found.converged:
             return found
         met, n = soft.residual(found.y), sizes.rows.size
