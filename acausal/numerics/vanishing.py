@@ -135,7 +135,7 @@ def equilibrated_rank(A: np.ndarray) -> int:
 
 def equilibrated_ranks(A: np.ndarray) -> np.ndarray:
     """Ranks (k,) of matrices (k, n, m) of numbers whose rows and columns may have any units; -1 for those that are not finite."""
-    finite = np.isfinite(A).all(axis=(-2, -1))
+    finite = np.array([np.isfinite(one).all() for one in A], dtype=bool)
     if not A.size:
         return np.where(finite, 0, -1)
     s = np.linalg.svd(equilibrated(np.where(finite[:, None, None], A, 0.0)), compute_uv=False)
