@@ -50,7 +50,7 @@ def measure(count: int, cache: str, compiled: bool = True) -> list[float]:
 
 def run(counts: tuple[int, ...] = COUNTS) -> None:
     """Print the table."""
-    print("\nFrom scene to the first simulated second (imports apart), seconds; both cores compile")
+    print("\nFrom scene to the first simulated second (imports apart), seconds")
     print(f"{'links':>6}{'build':>9}{'first':>9}{'cached':>9}{'machine':>9}{'again ms':>10}{'MB':>8}{'steps':>7}")
     with tempfile.TemporaryDirectory() as folder:
         measure(1, folder)  # the runtime itself, once for a machine
