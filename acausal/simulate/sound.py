@@ -17,18 +17,12 @@ from acausal.start.coordinates import turning_states
 _EPS = float(np.finfo(float).eps)
 _LEAST, _LOOSE = 1e-8, 10.0
 """Of the terms of an invariant, what it may be off by whatever is asked for; times the tolerance, and times what it is off by at the start."""
-_FORGIVEN, _A_STEP, _MOST = 1e3, 10.0, 0.1
-"""Tolerances by which the energy may be off: at once, and for each step besides; of the largest energy that moves, at most."""
-_NOISE = 1e3
-"""Times what rounding makes of energies."""
 _EARLY = 4
 """The terms of invariants are known from the start, and from where this part of the steps is over: velocities may begin at rest."""
 
 
 def sound(functions: Functions, run: Trajectory, accuracy: Accuracy) -> Solution:
-    """The solution of a run of one piece, without steps from the first one on that leaves its invariants by more than the tolerance allows, or,
-    where nothing gives or takes energy, its energy.
-    """
+    """The solution of a run of one piece, without steps from the first one on that leaves its invariants by more than the tolerance allows."""
     solution = run.solution
     if solution.status.kind in (StatusKind.SUCCESS, StatusKind.INTERRUPTED) or solution.t.size < 2:
         return solution
@@ -71,13 +65,7 @@ def _leaves(functions: Functions, values: np.ndarray, terms: _Terms, accuracy: A
         if ((gaps[:, k] > allowed * here) & (here > 0)).any():
             lost = int(k)
             break
-    if accuracy.step or not functions.energy_told or not functions.outputs.power_loss.is_zero() or functions.modes is not None:
-        return lost
-    part = min(max((_FORGIVEN + _A_STEP * n) * accuracy.rtol, _LEAST), _MOST)
-    T, V = values[0, :lost], values[1, :lost]
-    scale = np.maximum.accumulate(np.maximum(T, np.abs(V - V[0]))) if lost else T
-    off = np.abs(T + V - T[0] - V[0]) > part * scale + _NOISE * _EPS * np.sum(first[:2]) if lost else T > 0
-    return int(np.argmax(np.append(off, True)))
+    return lost
 
 
 def _until(solution: Solution, count: int) -> Solution:
