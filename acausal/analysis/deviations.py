@@ -81,10 +81,10 @@ def _scaled(G: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     return np.ldexp(G, -np.frexp(largest)[1][:, None])
 
 
-def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
+def deviations_at(functions: Functions, at: OperatingPoint, x_dot: Differentiable | None = None) -> Deviations:
     """In the independent entries that move the others least violently at a point: first positions, then their rates and scalar states.
 
-    Raises `OptionError` where a loop is in a singular position.
+    `x_dot`: the rates of all states, where they have been made. Raises `OptionError` where a loop is in a singular position.
     """
     s = functions.outputs.system
     singular = singular_loops(functions, at.t, at.x, at.p)
@@ -97,7 +97,7 @@ def deviations_at(functions: Functions, at: OperatingPoint) -> Deviations:
     every, speeds = held_by(s)
     places = every[[k for k in range(every.numel()) if k not in lengths], :]
     invariants = Differentiable(s, ca.vertcat(places, speeds))
-    x_dot = Differentiable(s, s.x_dot)
+    x_dot = Differentiable(s, s.x_dot) if x_dot is None else x_dot
     sizes = sizes_at(s, x_dot, at)
     G, size = invariants.along(at, _turns(coordinates, at.x)[0]), coordinate_sizes(coordinates, sizes.places)
     moving = replace(at, x=np.concatenate([at.x[: s.nq], np.maximum(np.abs(at.x), sizes.places)[s.nq :]]))

@@ -194,8 +194,9 @@ def column_of(functions: Functions, what: str, wanted: Sequence[Expression]) -> 
 
 def _linearization(functions: Functions, point: OperatingPoint, states: Column | None, outputs: Column) -> Linearization:
     s = functions.outputs.system
-    _check_numbers(functions, point)
-    deviations = deviations_at(functions, point)
+    x_dot = Differentiable(s, s.x_dot)
+    _check_numbers(functions, x_dot, point)
+    deviations = deviations_at(functions, point, x_dot)
     wanted = Wanted(functions, Column.none() if states is None else states, outputs, states is not None)
     chosen = deviations.names if states is None else states.names
     linear = Linear(deviations, wanted, chosen, outputs.names)
@@ -211,9 +212,9 @@ def _linearization(functions: Functions, point: OperatingPoint, states: Column |
     )  # fmt: skip
 
 
-def _check_numbers(functions: Functions, at: OperatingPoint) -> None:
+def _check_numbers(functions: Functions, x_dot: Differentiable, at: OperatingPoint) -> None:
     """Raises `StartValueError` where rates, or their derivatives by states, are infinite or not numbers."""
-    x_dot, names = Differentiable(functions.outputs.system, functions.outputs.system.x_dot), functions.state_names
+    names = functions.state_names
     lost = np.flatnonzero(~np.isfinite(x_dot.value(at)))
     if lost.size:
         words = without_value(functions, at.t, at.x, at.u, at.p) or "Begin elsewhere: start={...}, or states of a motion."

@@ -82,6 +82,8 @@ def _chosen(J: np.ndarray, *preferred: Sequence[int]) -> Independent:
     """What is preferred most is given up last, all of it together where the chart is too much worse than the best one."""
     best = independent_entries(J)
     for count in range(len(preferred), 0, -1):
+        if not preferred[count - 1]:
+            continue
         asked = independent_entries(J, *preferred[:count])
         if _conditioning(asked) >= _KEEP * _conditioning(best):
             return asked

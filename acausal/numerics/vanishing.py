@@ -109,7 +109,7 @@ def _middle(sizes: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarr
     system = links + np.eye(n + m) * (degree + _SLIGHT)[..., None]
     total = np.concatenate([logs.sum(axis=-1), logs.sum(axis=-2)], axis=-1)
     found = np.linalg.solve(system, total[..., None])[..., 0]
-    first = _first_rows(links, n)
+    first = _first_rows(links)
     found -= np.repeat([1.0, -1.0], [n, m]) * np.where(
         first < n, np.take_along_axis(found, np.minimum(first, n - 1), axis=-1), 0.0
     )  # the first row of what hangs together is not divided: so units of powers of two change no bit
@@ -117,8 +117,8 @@ def _middle(sizes: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return power[..., :n], power[..., n:]
 
 
-def _first_rows(links: np.ndarray, n: int) -> np.ndarray:
-    """For n rows and other columns the first row among what they hang together with (..., n + m)."""
+def _first_rows(links: np.ndarray) -> np.ndarray:
+    """For rows, and columns after them, the first of what they hang together with (..., n + m)."""
     part = np.broadcast_to(np.arange(links.shape[-1]), links.shape[:-1])
     while True:
         beside = np.where(links > 0, part[..., None, :], links.shape[-1]).min(axis=-1)

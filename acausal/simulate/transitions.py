@@ -206,9 +206,8 @@ class Transitions(Sequence[Transition]):
         modes = self.run.outputs.system.modes
         assert modes is not None
         pushes = np.arange(n) < modes.one_sided
-        over = np.outer(
-            pushes, self.bridged[some]
-        )  # of small bounces the work on what moves is of first order, and what they lose of second
+        # of small bounces the work on what moves is of first order, and what they lose of second
+        over = np.outer(pushes, self.bridged[some])
         rates, seen = (
             np.where(over, late, (early + late) / 2).T for early, late in ((before[:n], after[:n]), (before[n:], after[n:]))
         )
