@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from components import Force, Prismatic, RigidBody, World
 from tests.hard_cases import (
     CASES,
     REVERSALS,
@@ -88,3 +89,30 @@ def test_kepler_orbit_with_fixed_steps():
     assert abs(found.trend) < 4e-12
     assert found.scatter < 3e-13
     assert case.error(run) < 1.5e-6
+
+
+def test_fast_oscillations_of_small_amplitude_follow_the_tolerance():
+    """A body that a spring couples to a hand moving as sin t: q = a sin t + b cos w t, a = w^2 / (w^2 - 1), the second part hidden among
+    the coefficients of the first in long steps."""
+    scene = ac.System()
+    scene.world, scene.rail, scene.body = World(), Prismatic("x"), RigidBody(1.0, np.eye(3))
+    rate = scene.rate = ac.Parameter(10.0, "rad/s")
+    scene.pull = Force((-(rate**2) * (scene.rail.q - np.sin(ac.time)), 0, 0))
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.body.frame)
+    scene.connect(scene.pull.point, scene.body.frame)
+    model = ac.build(scene)
+    draw, end = np.random.default_rng(1), 5.0
+    for _ in range(40):
+        w, b, rtol = 10 ** draw.uniform(1, 2.7), 10 ** draw.uniform(-12, -4), 10 ** draw.uniform(-12, -8)
+        a = w**2 / (w**2 - 1)
+        run = model.simulate(end, {scene.rail.q: b, scene.rail.v: a}, parameters={rate: w}, rtol=rtol, max_steps=100_000)
+        assert abs(run[scene.rail.q][-1] - a * np.sin(end) - b * np.cos(w * end)) < 3 * rtol, (w, b, rtol)
+
+
+@pytest.mark.parametrize("name", ["spring_1e4", "micrometres"])
+def test_first_steps_over_springs_at_rest_follow_the_tolerance(name):
+    """The first step that the slow motion asks for spans ten radians of the spring, which does not move yet."""
+    case = CASES[name]()
+    for rtol in np.geomspace(1e-12, 1e-9, 16):
+        assert case.error(case.simulate(rtol)) < 2e-13 + 0.1 * rtol, rtol

@@ -272,9 +272,9 @@ static int misses_ends(Integrator *I, Stages *S, double h, int strict) {
         if (!rate_at(I, I->t, I->x, T->start_rate)) return -1;
         beside_at(I, S->around, h, T->start_rate);
     }
-    if (!rate_at(I, I->t + h, T->before, T->end_rate)) return -1;
+    if (!T->end_known && !rate_at(I, I->t + h, T->before, T->end_rate)) return -1;
     if (beside) beside_at(I, S->around, h, T->end_rate);
-    T->start_known = !beside;
+    T->start_known = T->end_known = !beside;
     for (long i = 0; i < I->nx; i++) {
         const double *a = S->a + i * n;
         double even = 0, odd = 0, unit = h / T->scale[i];
@@ -446,6 +446,7 @@ static int solve_stages(Integrator *I, Stages *S, double h, double tolerance, do
     struct State *T = I->state;
     set_scale(I, h, I->step > 0 ? h : fmax(T->planned, h));
     set_factor(I, h);
+    T->end_known = 0;
     if (!stage_times(I, S, I->t, h) || !guess(I, S, h)) return -1;
     forget_surroundings(I, S);
     Judge J = new_judge(tolerance, rounding_floor(I, S, h), T->newton_now ? 15 : 50);
@@ -482,7 +483,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
     int noisy = T->noisy;
     T->noisy = 0;
     if (S->around && I->through == STRAIGHT) return error_around(I, S, h);
-    double near = beside_branches(I, S), error = near * step_error_of(I, S, h);
+    double near = beside_branches(I, S), error = fmax(near * step_error_of(I, S, h), missed_as_fast(I, S, h));
     if (!noisy && error <= pow(CAREFUL / SHORTER, (double)(S->method->order + 1))) return error;
     sample_noise(I, S, 0, 0);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
@@ -490,7 +491,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
         forget_noise(I);
         return near * step_error_of(I, S, h);
     }
-    double left = near * step_error_of(I, S, h);
+    double left = fmax(near * step_error_of(I, S, h), missed_as_fast(I, S, h));
     T->unheard = left < 0.5 * error ? 0 : T->unheard + 1;
     if (!(left * I->rtol <= ASTRAY) || T->unheard > (noisy ? UNHEARD : 0)) forget_noise(I);
     return left;

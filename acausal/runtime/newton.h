@@ -196,3 +196,86 @@ static void forget_fast(Integrator *I, const Method *m, double *rates) {
     solve_sparse(I, &S->blocks[e / LANES]);
     for (long i = 0; i < n; i++) rates[i] = S->re[n + i][e % LANES];
 }
+
+/* The weight of (1 - h lambda_e J)^-1 in (h J)^s / Q(h J), Q(z) the product of 1 - lambda z over all eigenvalues of A, into re and im, doubled where the other
+   one of a pair has its conjugate: partial fractions. */
+static void weight_of(const Method *m, long e, double *re, double *im) {
+    double power[2] = {1, 0}, product[2] = {1, 0}, size = m->eigen_re[e] * m->eigen_re[e] + m->eigen_im[e] * m->eigen_im[e];
+    double inverse[2] = {m->eigen_re[e] / size, -m->eigen_im[e] / size};
+    for (long k = 0; k < m->stages; k++) {
+        double a = power[0] * inverse[0] - power[1] * inverse[1];
+        power[1] = power[0] * inverse[1] + power[1] * inverse[0];
+        power[0] = a;
+    }
+    for (long f = 0; f < m->eigenvalues; f++)
+        for (int sign = 1; sign >= -1; sign -= 2) {
+            double x = m->eigen_re[f], y = sign * m->eigen_im[f];
+            if ((sign < 0 && y == 0) || (f == e && sign > 0)) continue;
+            double a = 1 - (x * inverse[0] - y * inverse[1]), b = -(x * inverse[1] + y * inverse[0]), c = product[0] * a - product[1] * b;
+            product[1] = product[0] * b + product[1] * a;
+            product[0] = c;
+        }
+    double all = (product[0] * product[0] + product[1] * product[1]) / (m->eigen_im[e] == 0 ? 1 : 2);
+    *re = (power[0] * product[0] + power[1] * product[1]) / all;
+    *im = (power[1] * product[0] - power[0] * product[1]) / all;
+}
+
+/* left (n) times (h J)^s / Q(h J), in place, by the factors of Newton's iteration: where motions are slow, that leaves as little as the order does; of fast ones, all. */
+static void keep_fast(Integrator *I, const Method *m, double *left) {
+    struct Sparse *S = &I->state->sparse;
+    long n = I->nx;
+    double all = 1; /* the limit far away */
+    for (long e = 0; e < m->eigenvalues; e++)
+        all /= m->eigen_im[e] == 0 ? -m->eigen_re[e] : m->eigen_re[e] * m->eigen_re[e] + m->eigen_im[e] * m->eigen_im[e];
+    for (long e = 0; e < m->eigenvalues; e += LANES) {
+        for (long i = 0; i < n; i++) {
+            S->re[i] = v_all(left[i]);
+            S->im[i] = v_all(0.0);
+        }
+        solve_sparse(I, &S->blocks[e / LANES]);
+        long here = m->eigenvalues - e < LANES ? m->eigenvalues - e : LANES;
+        for (long l = 0; l < here; l++) {
+            double re, im;
+            weight_of(m, e + l, &re, &im);
+            for (long i = 0; i < n; i++) I->state->kept[i] = (e + l > 0 ? I->state->kept[i] : all * left[i]) + re * S->re[n + i][l] - im * S->im[n + i][l];
+        }
+    }
+    memcpy(left, I->state->kept, sizeof(double) * (size_t)n);
+    I->work += ceil((double)m->eigenvalues / COUNTED) * 10 * I->pattern.fill;
+}
+
+#define STEADY 0.03 /* units of the scale that a step may miss so that the next one is as long */
+
+/* Units of the scale (n) in which rates are, the most. */
+static double largest_in(const Integrator *I, const double *rates, double h) {
+    double most = 0;
+    for (long i = 0; i < I->nx; i++) most = fmax(most, fabs(rates[i]) * (h / I->state->scale[i]));
+    return most;
+}
+
+/* What a step of Gauss misses in motions that are too fast for it, as an error that its order would explain. That is twice its stages because what is left of the
+   rates, a multiple of the Legendre polynomial P_s, is integrated with what the rest of the step makes of it, which lower polynomials tell. Not so for a fast oscillation,
+   of which a small part in a slow motion does not show in its coefficients. What is left is known at the end of the step, and the integral of exp(J (h - t)) P_s(t) over it
+   is s! / (2 s + 1)! (h J)^s / Q(h J) where J is small, Q the denominator of the Pade approximant. Where it is large that has to be forgotten once: then it is at most three
+   times too small for all eigenvalues and numbers of stages, hence twice as much. 0 where factors are those of another step. */
+static double missed_as_fast(Integrator *I, const Stages *S, double h) {
+    struct State *T = I->state;
+    double *left = T->most;
+    long n = I->nx, s = S->s, width = S->blocks * LANES;
+    if (s < 3 || !T->newton_now || S->method->kind != GAUSS || S->around || T->factored_h != h || T->factored_method != I->method) return 0;
+    for (long i = 0; i < n; i++) T->before[i] = I->x[i] + T->increment[i];
+    if (!T->end_known && !rate_at(I, I->t + h, T->before, T->end_rate)) return 0; /* told when ends are looked at */
+    T->end_known = 1;
+    double factor = 2;
+    for (long k = s + 1; k <= 2 * s + 1; k++) factor /= (double)k;
+    for (long i = 0; i < n; i++) {
+        double end = -T->end_rate[i];
+        for (long k = s - 1; k >= 0; k--) end += S->a[i * width + k];
+        left[i] = factor * copysign(heard(end, (double)s * T->spread[i]), end);
+    }
+    keep_fast(I, S->method, left);
+    if (!(largest_in(I, left, h) > 0.1 * STEADY)) return 0;
+    forget_fast(I, S->method, left);
+    double missed = largest_in(I, left, h);
+    return missed > 0.1 * STEADY ? pow(CAREFUL * pow(missed / STEADY, 1 / (double)(s + 1)), (double)(S->method->order + 1)) : 0;
+}

@@ -190,6 +190,7 @@ struct State {
     double *spread;          /* the same, with what fast decay forgets before a stage is solved */
     double *least;           /* what rounding makes of the rates of states that are nothing else */
     double *known;           /* what rounding makes of these until the motion has changed */
+    double *kept;            /* of a step, what is fast */
     double *most, *most_left, *change_left, *aside, *apart; /* work: per state */
     V *disturbed, *rates[2]; /* states and rates that rounding is sampled with */
     double *last_a;          /* Legendre coefficients (nx, last_s) of the last step */
@@ -228,7 +229,7 @@ struct State {
     long last_s, since_switch;
     long terms;
     long events_before, event_capacity;
-    int newton_now, begun, start_known;
+    int newton_now, begun, start_known, end_known;
     struct Costs costs;
     double factored_h, jacobian_time; /* of Newton */
     long factored_method;
