@@ -244,7 +244,7 @@ static void keep_fast(Integrator *I, const Method *m, double *left) {
     I->work += ceil((double)m->eigenvalues / COUNTED) * 10 * I->pattern.fill;
 }
 
-#define STEADY 0.03 /* units of the scale that a step may miss so that the next one is as long */
+#define AS_LONG 0.03 /* units of the scale that a step may miss so that the next one is as long */
 
 /* Units of the scale (n) in which rates are, the most. */
 static double largest_in(const Integrator *I, const double *rates, double h) {
@@ -274,8 +274,8 @@ static double missed_as_fast(Integrator *I, const Stages *S, double h) {
         left[i] = factor * copysign(heard(end, (double)s * T->spread[i]), end);
     }
     keep_fast(I, S->method, left);
-    if (!(largest_in(I, left, h) > 0.1 * STEADY)) return 0;
+    if (!(largest_in(I, left, h) > 0.1 * AS_LONG)) return 0;
     forget_fast(I, S->method, left);
     double missed = largest_in(I, left, h);
-    return missed > 0.1 * STEADY ? pow(CAREFUL * pow(missed / STEADY, 1 / (double)(s + 1)), (double)(S->method->order + 1)) : 0;
+    return missed > 0.1 * AS_LONG ? pow(CAREFUL * pow(missed / AS_LONG, 1 / (double)(s + 1)), (double)(S->method->order + 1)) : 0;
 }
