@@ -346,3 +346,25 @@ def test_entries_of_start_values_are_found_however_they_are_written():
         assert np.array(model.assembly_function(place.velocity, [place.velocity[2]], start)(3.0)).ravel().tolist() == [1, 0, 3]
     with pytest.raises(OptionError, match=r"has no start value in `start`"):
         model.sensitivities([0.0, t], [place.position[2] + place.position[1]], whole)
+
+
+def test_derivatives_follow_the_tolerance_where_the_motion_is_slow_and_they_are_not():
+    """A body that a spring couples to a hand moving as sin t: q = a sin t, a = w^2 / (w^2 - 1), in long steps; a little off this start, and with
+    another spring, it oscillates."""
+    scene = ac.System()
+    scene.world, scene.rail, scene.body = World(), Prismatic("x"), RigidBody(1.0, np.eye(3))
+    rate = scene.rate = ac.Parameter(10.0, "rad/s")
+    scene.pull = Force((-(rate**2) * (scene.rail.q - np.sin(ac.time)), 0, 0))
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.body.frame)
+    scene.connect(scene.pull.point, scene.body.frame)
+    model, draw, end = ac.build(scene), np.random.default_rng(5), 5.0
+    for _ in range(12):
+        w, rtol = 10 ** draw.uniform(1, 2.7), 10 ** draw.uniform(-12, -6)
+        a, slope = w**2 / (w**2 - 1), -2 * w / (w**2 - 1) ** 2
+        start = {scene.rail.q: 0.0, scene.rail.v: a}
+        run = model.sensitivities([0.0, end], [*start, rate], start, parameters={rate: w}, rtol=rtol)
+        fast = np.sin(w * end)
+        exact = np.array([np.cos(w * end), fast / w, slope * (np.sin(end) - fast / w)])
+        bound = (3 * rtol + 1e-14 * w * end) * np.array([1.0, 1 / w, 1 / w])
+        assert np.all(np.abs(np.ravel(run[scene.rail.q][-1]) - exact) < bound), (w, rtol)

@@ -214,12 +214,7 @@ static double rounding_floor(Integrator *I, Stages *S, double h) {
     return fmin(2 * EPS * v_largest(worst), 2 * EPS / T->unit);
 }
 
-#define TARGET 0.65 /* of the step size at which a Radau step's error would be one */
-
-/* Error of a step in units of its scale, from how fast the Legendre coefficients of the rates decay: geometrically,
-   a_k ~ a_0 r^k; the last one known gives r, and quadrature of order p misses a_p. Rounding of the
-   rates makes (2 k + 1) times as much of a_k at most. Inside of Radau steps, whose dense output is not refined, a_s is missed: that is to be as small
-   as the tolerance, too; what asks for the shorter next step counts. */
+/* Error of a step in units of its scale. Rounding of the rates makes (2 k + 1) times as much of coefficient k at most. */
 static double step_error_of(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long s = S->s, n = S->blocks * LANES;
@@ -243,12 +238,7 @@ static double step_error_of(Integrator *I, Stages *S, double h) {
         double r = change / largest;
         return largest * (r < 1 ? r * r : 1);
     }
-    double tail = sizes[s - 1];
-    if (s > 2) tail = fmax(tail, largest * pow(sizes[s - 2] / largest, (double)(s - 1) / (double)(s - 2)));
-    double order = (double)S->method->order, end = largest * pow(tail / largest, order / (double)(s - 1));
-    if (S->method->kind == GAUSS) return end;
-    double inside = tail * pow(tail / largest, 1 / (double)(s - 1)) / (double)(4 * s + 2);
-    return fmax(end, pow(TARGET, order + 1) * pow(inside, (order + 1) / (double)(s + 1)));
+    return error_by_decay(S->method, sizes, largest);
 }
 
 /* Whether the rates jump or bend before the first or after the last node, where no stage sees it: the polynomial then misses the rates
@@ -728,6 +718,14 @@ static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, dou
     return *part > 0 ? REACHED_END : switch_now(I, L);
 }
 
+/* The next try, after a step of size h of that error. */
+static void shorten(Integrator *I, const Stages *S, double h, double error) {
+    double growth = error < INFINITY ? 0.65 * pow(error, -1 / (double)(S->method->order + 1)) : 0.1;
+    I->h = h * fmin(0.9, fmax(0.15, growth));
+    I->rejected++;
+    I->state->jacobian_fresh = I->state->jacobian_time == I->t;
+}
+
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
     int ends = 0, failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, refused = -1;
@@ -805,11 +803,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (!(error <= 1)) {
             L.row = -1;
             if (begins_sooner(I, h)) continue;
-            double power = -1 / (double)(S->method->order + 1);
-            double growth = error < INFINITY ? 0.65 * pow(error, power) : 0.1;
-            I->h = h * fmin(0.9, fmax(0.15, growth));
-            I->rejected++;
-            T->jacobian_fresh = T->jacobian_time == I->t;
+            shorten(I, S, h, error);
             if (++misses > 1 && S->around && I->through == STRAIGHT) made_exact(I);
             continue;
         }
@@ -856,6 +850,11 @@ static enum Code one_adaptive(Integrator *I) {
             I->h = 0.5 * h;
             I->rejected++;
             failed = 1;
+            continue;
+        }
+        error = fmax(error, error_of_variations(I, S, h));
+        if (!(error <= 1)) {
+            shorten(I, S, h, error);
             continue;
         }
         if (S->around) I->error = 0; /* rounding makes errors jump there: how they grow from step to step says nothing */

@@ -1,6 +1,6 @@
 /* Forward sensitivities, directions in lanes: the linear stage equations of the variational equation S' = J S + f_p p', solved after
-   each step at its stage states with the same iteration, so that they are derivatives of the numerical motion itself.
-   The steps are chosen by the motion alone. Hairer, Norsett, Wanner, Solving ODEs I, section II.6. */
+   each step at its stage states with the same iteration, so that they are derivatives of the numerical motion itself, in steps that are short enough for them,
+   too: what the motion does not do, a little off it may. Hairer, Norsett, Wanner, Solving ODEs I, section II.6. */
 
 #define UNSTEADY 1e-9 /* what rounding leaves unknown of derivatives of rates next to singular positions, in a step */
 #define NOISY 10.0    /* times rounding of rates, what counts as no change of them */
@@ -163,10 +163,7 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block) {
             ready[l] = v == DONE ? -1 : 0;
             going |= v == GO_ON;
         }
-        if (going) continue;
-        for (long i = 0; i < n; i++)
-            for (long j = 0; j < s; j++) size[i] = v_larger(size[i], v_abs(K[j * n + i]) * v_all(h));
-        return 1;
+        if (!going) return 1;
     }
 }
 
@@ -195,20 +192,84 @@ static int solve_variations(Integrator *I, Stages *S, double h) {
     return 1;
 }
 
+/* Legendre coefficients (s, n) of the rates of one block of directions. */
+static void coefficients_of_variation(const Integrator *I, const Stages *S, long block, V *a) {
+    long n = I->nx, s = S->s;
+    const V *K = I->state->D_rates + block * s * n;
+    for (long i = 0; i < n; i++)
+        for (long k = 0; k < s; k++) {
+            V sum = v_all(0.0);
+            for (long j = 0; j < s; j++) sum = v_fma(v_all(S->method->to_legendre[k * s + j]), K[j * n + i], sum);
+            a[k * n + i] = sum;
+        }
+}
+
+/* Sizes (n) of one block of directions, what this step moves them by included. */
+static void sizes_of_variation(const Integrator *I, const Stages *S, double h, long block, V *size) {
+    long n = I->nx;
+    const V *K = I->state->D_rates + block * S->s * n;
+    for (long i = 0; i < n; i++) {
+        size[i] = I->state->D_size[block * n + i];
+        for (long j = 0; j < S->s; j++) size[i] = v_larger(size[i], v_abs(K[j * n + i]) * v_all(h));
+    }
+}
+
+#define BESIDE 1e-3 /* of the motion: where a direction moves a state by less than that part of what it moves most, that much is its size */
+
+/* The error of a step of one block of directions in tolerances of what they move each state by, largest of all; `noise` (n) of rates is forgiven. */
+static double error_of_variation(const Integrator *I, const Stages *S, double h, long block, const V *noise) {
+    const struct State *T = I->state;
+    long n = I->nx, s = S->s;
+    V *a = T->D_new, *size = T->D_stages, moved = v_all(0.0);
+    double sizes[64], worst = 0;
+    coefficients_of_variation(I, S, block, a);
+    sizes_of_variation(I, S, h, block, size);
+    for (long i = 0; i < n; i++)
+        if (T->scale[i] > NOTHING) moved = v_larger(moved, size[i] / v_all(T->scale[i]));
+    for (long l = 0; l < LANES && block * LANES + l < I->directions; l++) {
+        double largest = 0;
+        memset(sizes, 0, sizeof sizes);
+        for (long i = 0; i < n; i++) {
+            double scale = I->rtol * fmax(size[i][l], T->scale[i] > NOTHING ? BESIDE * moved[l] * T->scale[i] : 0);
+            for (long k = 0; k < s && scale > 0; k++)
+                sizes[k] = fmax(sizes[k], heard(a[k * n + i][l], (double)(2 * k + 1) * noise[i][l]) * (h / scale));
+        }
+        for (long k = 0; k < s; k++) largest = fmax(largest, sizes[k]);
+        if (largest > 0) worst = fmax(worst, error_by_decay(S->method, sizes, largest));
+    }
+    return worst;
+}
+
+/* The error of a step of all directions; beside singular positions, where their rates lose digits, and with few stages the motion alone is asked. */
+static double error_of_variations(Integrator *I, Stages *S, double h) {
+    struct State *T = I->state;
+    long n = I->nx;
+    double worst = 0;
+    if (!I->directions || S->s < 3 || S->around || S->exact) return 0;
+    for (long b = 0; b < direction_blocks(I); b++) {
+        V *noise = T->D_noise;
+        for (long i = 0; i < n; i++) noise[i] = v_all(0.0);
+        double error = error_of_variation(I, S, h, b, noise);
+        if (!(error <= 1)) {
+            set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, b, 1);
+            noise_of_variation(I, S, h, T->D + b * n, T->D_size + b * n, noise);
+            for (long i = 0; i < n; i++) noise[i] *= v_all(FEW);
+            error = error_of_variation(I, S, h, b, noise);
+        }
+        worst = fmax(worst, error);
+    }
+    return worst;
+}
+
 /* Advance all directions with the rates that have been found. */
 static void advance_directions(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long n = I->nx, s = S->s;
     for (long b = 0; b < direction_blocks(I); b++) {
-        V *K = T->D_rates + b * s * n, *a = T->D_last + b * s * n, *D = T->D + b * n;
-        for (long i = 0; i < n; i++) {
-            for (long k = 0; k < s; k++) {
-                V sum = v_all(0.0);
-                for (long j = 0; j < s; j++) sum = v_fma(v_all(S->method->to_legendre[k * s + j]), K[j * n + i], sum);
-                a[k * n + i] = sum;
-            }
-            D[i] = v_fma(v_all(h), a[i], D[i]);
-        }
+        V *a = T->D_last + b * s * n, *D = T->D + b * n;
+        coefficients_of_variation(I, S, b, a);
+        sizes_of_variation(I, S, h, b, T->D_size + b * n);
+        for (long i = 0; i < n; i++) D[i] = v_fma(v_all(h), a[i], D[i]);
     }
 }
 

@@ -113,6 +113,21 @@ static void columns_of(V *columns, const double *matrix, long s, long blocks) {
             }
 }
 
+#define TARGET 0.65 /* of the step size at which a Radau step's error would be one */
+
+/* Error of a step from how fast the sizes of the Legendre coefficients of its rates, times h, decay: geometrically, a_k ~ a_0 r^k; the last one known gives r,
+   and quadrature of order p misses a_p. Inside of Radau steps, whose dense output is not refined, a_s is missed: that is to be as small as the tolerance, too; what
+   asks for the shorter next step counts. */
+static double error_by_decay(const Method *m, const double *sizes, double largest) {
+    long s = m->stages;
+    double tail = sizes[s - 1], order = (double)m->order;
+    if (s > 2) tail = fmax(tail, largest * pow(sizes[s - 2] / largest, (double)(s - 1) / (double)(s - 2)));
+    double end = largest * pow(tail / largest, order / (double)(s - 1));
+    if (m->kind == GAUSS) return end;
+    double inside = tail * pow(tail / largest, 1 / (double)(s - 1)) / (double)(4 * s + 2);
+    return fmax(end, pow(TARGET, order + 1) * pow(inside, (order + 1) / (double)(s + 1)));
+}
+
 /* What is known of a guard: its side of zero (0: none), whether and since when it is at zero, whether it has been since the start. */
 struct GuardState {
     int side, at_zero, at_start;
