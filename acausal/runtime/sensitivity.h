@@ -214,7 +214,7 @@ static void sizes_of_variation(const Integrator *I, const Stages *S, double h, l
     }
 }
 
-#define BESIDE 1e-3 /* of the motion: where a direction moves a state by less than that part of what it moves most, that much is its size */
+#define AT_LEAST 1e-3 /* of the motion: where a direction moves a state by less than that part of what it moves most, that much is its size */
 
 /* The error of a step of one block of directions in tolerances of what they move each state by, largest of all; `noise` (n) of rates is forgiven. */
 static double error_of_variation(const Integrator *I, const Stages *S, double h, long block, const V *noise) {
@@ -230,7 +230,7 @@ static double error_of_variation(const Integrator *I, const Stages *S, double h,
         double largest = 0;
         memset(sizes, 0, sizeof sizes);
         for (long i = 0; i < n; i++) {
-            double scale = I->rtol * fmax(size[i][l], T->scale[i] > NOTHING ? BESIDE * moved[l] * T->scale[i] : 0);
+            double scale = I->rtol * fmax(size[i][l], T->scale[i] > NOTHING ? AT_LEAST * moved[l] * T->scale[i] : 0);
             for (long k = 0; k < s && scale > 0; k++)
                 sizes[k] = fmax(sizes[k], heard(a[k * n + i][l], (double)(2 * k + 1) * noise[i][l]) * (h / scale));
         }
