@@ -244,7 +244,8 @@ static void keep_fast(Integrator *I, const Method *m, double *left) {
     I->work += ceil((double)m->eigenvalues / COUNTED) * 10 * I->pattern.fill;
 }
 
-#define AS_LONG 0.03 /* units of the scale that a step may miss so that the next one is as long */
+#define AS_LONG 0.03 /* units of the scale that a step may miss so that the next one is as long: they add up where something oscillates */
+#define TOO_LONG 3   /* times as much is too much */
 
 /* Units of the scale (n) in which rates are, the most. */
 static double largest_in(const Integrator *I, const double *rates, double h) {
@@ -276,6 +277,6 @@ static double missed_as_fast(Integrator *I, const Stages *S, double h) {
     keep_fast(I, S->method, left);
     if (!(largest_in(I, left, h) > 0.1 * AS_LONG)) return 0;
     forget_fast(I, S->method, left);
-    double missed = largest_in(I, left, h);
-    return missed > 0.1 * AS_LONG ? pow(CAREFUL * pow(missed / AS_LONG, 1 / (double)(s + 1)), (double)(S->method->order + 1)) : 0;
+    double times = largest_in(I, left, h) / AS_LONG, error = pow(CAREFUL * pow(times, 1 / (double)(s + 1)), (double)(S->method->order + 1));
+    return times < 0.1 ? 0 : times > TOO_LONG ? fmax(error, 1 + EPS) : error;
 }
