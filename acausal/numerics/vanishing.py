@@ -123,6 +123,7 @@ def _first_rows(links: np.ndarray) -> np.ndarray:
     while True:
         beside = np.where(links > 0, part[..., None, :], links.shape[-1]).min(axis=-1)
         least = np.minimum(part, beside)
+        least = np.take_along_axis(least, least, axis=-1)  # what it hangs together with knows more
         if np.array_equal(least, part):
             return part
         part = least

@@ -1,4 +1,4 @@
-"""Which variables a constraint determines: dummy derivatives, chosen once by the size of constant coefficients.
+"""Which variables a constraint determines: dummy derivatives, chosen once by the size of constant coefficients, rows and columns brought to one size.
 
 S. E. Mattsson & G. Soderlind, Index reduction in differential-algebraic equations using dummy derivatives, SIAM J. Sci. Comput. 14
 (1993). Where the coefficients of a constraint are constant, an unknown and its derivatives are solved from it and are no states.
@@ -10,6 +10,11 @@ from __future__ import annotations
 
 import heapq
 from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+
+from acausal.graphs import Graph
+from acausal.numerics.vanishing import equilibration
 
 Entries = Mapping[int, float | None]
 """Unknown -> coefficient of its highest derivative; None where it changes with the motion."""
@@ -28,10 +33,7 @@ def choose_dummies(
         i: {j: a for j, a in row.items() if a is not None and j not in changing and j not in outer and a != 0}
         for i, row in entries.items()
     }
-    usual: dict[int, float] = {}  # coefficients of one unknown have one unit
-    for row in rows.values():
-        for j, a in row.items():
-            usual[j] = max(usual.get(j, 0.0), abs(a))
+    usual = _usual(rows)
     pivots: dict[int, int] = {}
     order: list[tuple[int, dict[int, float]]] = []
     chosen: dict[int, int] = {}
@@ -39,13 +41,26 @@ def choose_dummies(
         row = _reduced(rows[i], pivots, order)
         if not row:
             continue
-        sizes = {j: abs(a) / usual.get(j, abs(a)) for j, a in row.items()}
+        sizes = {j: abs(a) / usual[j] for j, a in row.items()}
         largest = max(sizes.values())
         j = max((j for j in row if sizes[j] >= 0.1 * largest), key=preference)
         pivots[j] = len(order)
         order.append((j, row))
         chosen[i] = j
     return chosen
+
+
+def _usual(rows: Mapping[int, Mapping[int, float]]) -> dict[int, float]:
+    """What is much for the coefficients of each unknown, beside those of others in the same rows: whatever the units of rows and unknowns."""
+    found: dict[int, float] = {}
+    links = [((i, 0), (j, 1)) for i, row in rows.items() for j in row]
+    for part in Graph([], links).parts():
+        at = {j: k for k, j in enumerate(sorted(j for j, side in part if side))}
+        A = np.zeros((len(part) - len(at), len(at)))
+        for own, i in zip(A, sorted(i for i, side in part if not side), strict=True):
+            own[[at[j] for j in rows[i]]] = [*rows[i].values()]
+        found.update(zip(at, equilibration(A)[1].tolist(), strict=True))
+    return found
 
 
 def _reduced(row: dict[int, float], pivots: Mapping[int, int], order: list[tuple[int, dict[int, float]]]) -> dict[int, float]:
