@@ -117,6 +117,16 @@ def test_a_ball_thrown_on_the_floor_slides_bounces_and_rolls():
     assert run.energy_error() < 1e-6
 
 
+@pytest.mark.filterwarnings("ignore::acausal.errors.AccuracyWarning")
+@pytest.mark.parametrize("mu", [1e8, 3e8])
+def test_a_flight_is_as_accurate_as_ever_after_a_friction_that_was_nothing_but_rounding(mu: float):
+    """What rounding made of the rates in the contact forgives nothing in the air, where turns of many radians must not be taken in one step."""
+    scene = on(Contact(Sphere(0.1), Plane(), HuntCrossley(1e6, 0.3, friction=SmoothCoulomb(mu, 1e-2))), RigidBody.ball(1.0, 0.1))
+    frame = scene.body.frame
+    run = ac.build(scene).simulate(1.5, {frame.position: (0, 0, 0.5), frame.velocity: (1.0, 0, 0)})
+    assert run.constraint_error() < 1e-12
+
+
 def test_nearest_points_are_followed_where_they_have_no_closed_form():
     """An egg dropped into a bowl of any shape bounces without a loss; over a plane the followed points give the motion that the closed form does."""
     ends = []

@@ -21,12 +21,14 @@ from acausal.runtime.native import Choice
 from acausal.runtime.pattern import jacobian_pattern
 from benchmarks.stiff import SCENES, Made, row_of_masses
 from components import (
+    Inertia,
     Prismatic,
     Revolute,
     RigidBody,
     RotationalDamper,
     RotationalGround,
     RotationalSpring,
+    TorqueSource,
     TranslationalDamper,
     TranslationalGround,
     TranslationalSpring,
@@ -220,6 +222,24 @@ def test_a_start_at_rest_in_what_is_stiff_is_no_rounding(stiffness: float, dampi
         if damping:
             assert run[elbow.shoulder.q][-1] == pytest.approx(exact, abs=100 / stiffness + 100 * rtol)
         assert run.energy_error() < 1e3 * rtol
+
+
+@pytest.mark.parametrize("stiffness", [1e6, 5e7, 3e9, 1e12])
+def test_what_is_stiff_moves_as_one_between_the_ends_of_steps_too(stiffness: float) -> None:
+    """Two rotors on a shaft that hardly twists, turned by a torque A sin(k t): in all samples both have the speed A (1 - cos(k t)) / (k (J + J'))."""
+    rng = np.random.default_rng(int(stiffness) % 97)
+    J, other, most, k = rng.uniform(0.01, 0.03), rng.uniform(0.01, 0.03), rng.uniform(0.01, 0.05), rng.uniform(2.0, 4.0)
+    scene = ac.System()
+    scene.rotor, scene.load, scene.shaft = Inertia(J), Inertia(other), RotationalSpring(stiffness)
+    scene.motor = TorqueSource(lambda t: most * np.sin(k * t))
+    scene.connect(scene.motor.flange, scene.rotor.flange_a)
+    scene.connect(scene.rotor.flange_b, scene.shaft.flange_a)
+    scene.connect(scene.shaft.flange_b, scene.load.flange_a)
+    run = ac.build(scene).simulate(5.0)
+    exact = most * (1 - np.cos(k * run.t)) / (k * (J + other))
+    for rotor in (scene.rotor, scene.load):
+        assert run[rotor.w] == pytest.approx(exact, abs=1e-6)
+    assert run.energy_error() < 1e-7
 
 
 @functools.cache

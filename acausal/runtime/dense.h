@@ -17,6 +17,19 @@ static long step_of(const Integrator *I, double t) {
     return low;
 }
 
+/* Whether the last iteration changed the rates by no more than those before it did all together: otherwise it only carried rounding on, and the polynomial was right. */
+static int has_settled(const Integrator *I, const Stages *F) {
+    double last = 0, before = 0;
+    if (F->around) return 1;
+    for (long b = 0; b < F->blocks; b++)
+        for (long i = 0; i < I->nx; i++) {
+            V factor = v_all(I->state->factor[i]);
+            last = fmax(last, v_largest(v_abs((F->K[b][i] - F->N[b][i]) * factor)));
+            before = fmax(before, v_largest(v_abs((F->N[b][i] - F->saved[b][i]) * factor)));
+        }
+    return last <= before;
+}
+
 /* Legendre coefficients (nx, blocks * LANES of `fine`) of the refined rates of step k: the same whenever they are asked for, and the
    steps that come after it do not see it. */
 static int refine_step(Integrator *I, Stages *F, long k) {
@@ -55,12 +68,13 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     for (int again = 0; again < 2 && !done; again++) {
         for (long b = 0; b < F->blocks; b++) memcpy(F->K[b], F->saved[b], sizeof(V) * (size_t)I->nx);
         if (again) break;
+        states_by_rates(I, F, x); /* rounding is that of the motion, not of where the iteration went */
         sample_noise(I, F, 0, 0);
         set_scale(I, h, h);
         set_factor(I, h);
         J = new_judge(J.tolerance, J.floor, J.limit);
         F->looked = 0;
-        done = fixed_point(I, F, h, x, &J);
+        done = fixed_point(I, F, h, x, &J) && has_settled(I, F);
     }
     T->newton_now = newton;
     T->noisy = noisy;

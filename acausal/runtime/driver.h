@@ -618,14 +618,10 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, d
 #define AGAIN 4 /* times a step that rounding explains, the next try */
 #define LONGER 2 /* times the shortest step since rounding was looked at: what it was beside a singular position is not what it is now */
 
-/* After a step of size h: rounding of rates is looked at again where steps become longer, and what has become less is allowed less; a state that is nothing
-   but rounding stays so. 0 when the input function failed. */
-static int listen_again(Integrator *I, double h) {
+/* Rounding of rates, looked at again for steps of size h: what has become less is allowed less; a state that is nothing but rounding stays so.
+   0 when the input function failed. */
+static int listen(Integrator *I, double h) {
     struct State *T = I->state;
-    if (T->shortest == 0 || h <= LONGER * T->shortest) {
-        T->shortest = fmin(T->shortest, h);
-        return 1;
-    }
     const Kernel *disturbed = disturbed_kernel(I, 0);
     double *found = T->most;
     int left = 0;
@@ -638,6 +634,26 @@ static int listen_again(Integrator *I, double h) {
     T->shortest = left ? h : 0;
     forget_noise(I);
     return 1;
+}
+
+/* The same after a step of size h, where steps become longer. */
+static int listen_again(Integrator *I, double h) {
+    struct State *T = I->state;
+    if (T->shortest > 0 && h > LONGER * T->shortest) return listen(I, h);
+    T->shortest = fmin(T->shortest, h);
+    return 1;
+}
+
+/* The same where rates have jumped: rounding of a contact says nothing of the flight that follows. */
+static int listen_after_jump(Integrator *I) {
+    struct State *T = I->state;
+    double shortest = T->shortest, most = 0;
+    T->jumped = 0;
+    for (long i = 0; i < I->nx; i++) most = fmax(most, T->least[i]);
+    if (!(most > 0)) return 1;
+    int known = listen(I, I->h);
+    T->shortest = shortest;
+    return known;
 }
 
 /* States at zero that are reached only through others at zero move as a high power of the step, of which no step size resolves a part. What
@@ -737,6 +753,7 @@ static enum Code one_adaptive(Integrator *I) {
     if (T->doubts == 0) T->trusted = I->h;
     for (;;) {
         if (T->newton_now && !present(&I->jvp)) return NEEDS_JACOBIAN;
+        if (T->jumped && !listen_after_jump(I)) return INPUT_FAILED;
         if (T->costs.undecided && !choose_newton(I, I->h)) return INPUT_FAILED;
         Stages *S = stages_of(I);
         if (!S) return OUT_OF_MEMORY;

@@ -235,6 +235,7 @@ struct State {
     long doubts, patience;   /* CALM times the rejections, less steps without; rejections until every operation's rounding is looked at */
     double reach;            /* size of steps that states are sized by */
     double shortest;         /* step since every operation's rounding was looked at; 0: it was not, or there was none */
+    int jumped;              /* whether rates have jumped since */
     double trusted, planned, sooner; /* size of the last step without doubts; of the last one before steps began to be rejected; of the first, as rates say */
     int missed;              /* whether tries of the last step were rejected */
     int just_set;            /* whether something has been set in this instant */
@@ -657,16 +658,20 @@ static void find_zone(Integrator *I, Stages *S, Judge *J);
 static void correct_stages(Integrator *I, Stages *S);
 static void settle(Integrator *I, Stages *S, V *const *K, const double *x);
 
+/* States of the stages of a step from x, by their rates; positions that are integrals of velocities by these. */
+static void states_by_rates(Integrator *I, Stages *S, const double *x) {
+    scale_rates(I, S);
+    combine_states(S, I->state->own, I->nx - I->copies, x);
+    for (long b = 0; b < S->blocks; b++)
+        for (long k = 0; k < I->copies; k++) S->L[b][I->copy_to[k]] = S->hb[b] * S->in[b][1 + I->copy_from[k]];
+    combine_states(S, I->copy_to, I->copies, x);
+}
+
 /* Fixed-point iteration. Positions whose rates are states use the newest velocities, which squares the contraction. */
 static int fixed_point(Integrator *I, Stages *S, double h, const double *x, Judge *J) {
-    const struct State *T = I->state;
     double whole = 0, before = INFINITY;
     for (;;) {
-        scale_rates(I, S);
-        combine_states(S, T->own, I->nx - I->copies, x);
-        for (long b = 0; b < S->blocks; b++)
-            for (long k = 0; k < I->copies; k++) S->L[b][I->copy_to[k]] = S->hb[b] * S->in[b][1 + I->copy_from[k]];
-        combine_states(S, I->copy_to, I->copies, x);
+        states_by_rates(I, S, x);
         stage_rates(I, S);
         if (present(&I->clearance) && J->count < 2) find_zone(I, S, J);
         if (present(&I->clearance)) correct_stages(I, S);

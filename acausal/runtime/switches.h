@@ -159,6 +159,7 @@ static void forget_rates(Integrator *I) {
     T->last_h = 0;
     T->start_known = 0;
     T->jacobian_fresh = 0;
+    T->jumped = 1;
     I->error = 0;
 }
 
