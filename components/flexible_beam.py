@@ -9,7 +9,6 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import ParameterError
-from acausal.language.construction import checked_arguments
 from acausal.language.expression import Expression, Scalar, evaluated, number, scalar, sx
 from acausal.language.origin import origin
 from acausal.parts.elastic_body import AbstractElasticBody
@@ -20,7 +19,6 @@ from components.beam_shapes import AXIAL_MOST, BENDING_MOST, BeamShapes
 Number = float | Expression
 
 
-@checked_arguments
 @dataclass(frozen=True, init=False)
 class Section:
     """Cross section of a beam along x: `area` [m^2], second moments of area `about_y` and `about_z` [m^4] through its centroid, all > 0.

@@ -28,16 +28,20 @@ def check_makers(cls: type) -> None:
 
 def checked_arguments(cls: type[T]) -> type[T]:
     """A class that is no part, with the same words for wrong arguments of its constructors."""
-    made = cls.__init__
+    made: Callable[..., None] = _without_arguments if cls.__init__ is object.__init__ else cls.__init__
 
     @functools.wraps(made)
     def __init__(self: Any, *args: Any, **kwargs: Any) -> None:
-        check_arguments(cls, args, kwargs)
+        _check(cls, cls.__name__, made, None, args, kwargs)
         made(self, *args, **kwargs)
 
     cls.__init__ = __init__
     check_makers(cls)
     return cls
+
+
+def _without_arguments(_: object) -> None:
+    """Of a class without a constructor."""
 
 
 def checked_new(maker: Callable[..., Any]) -> Callable[..., Any]:

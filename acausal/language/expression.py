@@ -472,6 +472,10 @@ time = Time()
 """The one time of every scene [s]."""
 
 
+_MOST = 1e150
+"""Quantities of parts are no larger, of whatever unit: energies and inertias are products of them."""
+
+
 def number(value: Any, what: str) -> float:
     """`value` as a finite float; raises `ParameterError` naming `what` and the user's line."""
     try:
@@ -515,6 +519,7 @@ def _check_sign(found: np.ndarray, what: str, positive: bool, non_negative: bool
     if not math.isfinite(value) or (positive and value <= 0) or (non_negative and value < 0):
         needed = "positive" if positive else "zero or positive" if non_negative else "finite"
         raise ParameterError(f"{what} is {value:g} ({origin()}). It must be {needed}.")
+    _check_size(found, what)
 
 
 @dataclass(frozen=True, eq=False)
@@ -565,8 +570,12 @@ def check_unit(value: Any, what: str, unit: str) -> None:
 
 
 def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expression:
-    """A checked 3-vector: a float array of shape (3,), or an expression of shape (3, 1). Raises `ParameterError`; units as in `scalar`."""
+    """A checked 3-vector: a float array of shape (3,), or an expression of shape (3, 1). Raises `ParameterError`; units as in `scalar`.
+
+    Without a unit it is a direction, which has no size.
+    """
     check_unit(value, what, unit)
+    check = _check_quantity if unit else _check_finite
     if isinstance(value, Expression | ca.SX) or (
         isinstance(value, list | tuple) and any(isinstance(v, Expression | ca.SX) for v in value)
     ):
@@ -574,20 +583,33 @@ def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expressi
         if expression.shape != (3, 1):
             raise ParameterError(f"{what} must have three components, not shape {expression.shape} ({origin()}).")
         expression = _shown(expression, what)
-        return checked(expression, functools.partial(_check_finite, what=what))
+        return checked(expression, functools.partial(check, what=what))
     try:
         array = np.asarray(value, dtype=float)
     except (TypeError, ValueError, OverflowError, RuntimeError):
         raise ParameterError(f"{what} must be three numbers, not {value!r} ({origin()}).") from None
     if array.shape != (3,):
         raise ParameterError(f"{what} must be three numbers, not {value!r} ({origin()}).")
-    _check_finite(array, what)
+    check(array, what)
     return array
 
 
 def _check_finite(array: np.ndarray, what: str) -> None:
     if not np.all(np.isfinite(array)):
         raise ParameterError(f"{what} is {array.ravel()} ({origin()}). Give finite numbers.")
+
+
+def _check_quantity(array: np.ndarray, what: str) -> None:
+    _check_finite(array, what)
+    _check_size(array, what)
+
+
+def _check_size(array: np.ndarray, what: str) -> None:
+    if np.max(np.abs(array)) > _MOST:
+        shown = f"{array.item():g}" if array.size == 1 else f"{array.ravel()}"
+        raise ParameterError(
+            f"{what} is {shown} ({origin()}), of which the square is no number any more. Choose other units, or leave the part out where it is to be rigid or without end."
+        )
 
 
 def of_time(value: Scalar | Callable[[Any], Any]) -> Scalar:

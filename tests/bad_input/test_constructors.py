@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
+import components
 from acausal.errors import AcausalError, ParameterError
 from acausal.parts.field import FieldForce, PairForce
 from components import (
@@ -135,7 +136,21 @@ MAKERS = [
 ]
 
 
-@pytest.mark.parametrize(("cls", "name"), [*MAKERS, (Section, "")], ids=lambda part: getattr(part, "__name__", part))
+OTHERS = [
+    (cls, "")
+    for cls in map(vars(components).__getitem__, components.__all__)
+    if not issubclass(cls, ac.Component) and any(p.default is p.empty for p in inspect.signature(cls).parameters.values())
+]
+
+
+def test_what_has_no_arguments_takes_none():
+    for cls in (components.Plane, Sliding):
+        assert cls() is not None
+        with pytest.raises(ParameterError, match=rf"{cls.__name__}\(3\) .*{HERE}.*too many"):
+            cls(3)
+
+
+@pytest.mark.parametrize(("cls", "name"), [*MAKERS, *OTHERS], ids=lambda part: getattr(part, "__name__", part))
 def test_named_constructors_tell_what_is_missing_too(cls: type[Any], name: str):
     make = getattr(cls, name) if name else cls
     called = f"{cls.__name__}.{name}" if name else cls.__name__
@@ -151,6 +166,7 @@ def wrong_values(cls: type[ac.Component], name: str) -> Iterator[tuple[str, Any]
     yield from (
         ("NaN", math.nan),
         ("infinite", math.inf),
+        ("too large to be squared", 1e300),
         ("a word", "nonsense"),
         ("nothing known", _Nothing()),
         ("a matrix", np.ones((2, 3))),
