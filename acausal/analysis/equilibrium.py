@@ -287,6 +287,8 @@ def _let_down(functions: Functions, given: Unknowns, search: NearestRoot, x_dot:
     for _ in range(_SINKING):
         at = given.at(z)
         push = x_dot.value(at)[v]
+        if not np.isfinite(push).all():
+            break
         if push @ (before / search.scale[v] ** 2) < 0:
             stride *= 0.5
         dx = np.zeros((at.x.size, 1))

@@ -269,6 +269,7 @@ def raise_if_interrupted(status: Status, run: Trajectory | None) -> None:
         raise interrupt
 
 
+@np.errstate(all="ignore")
 def failure(functions: Functions, status: Status, t1: float, run: Trajectory | None) -> str:
     """Why a run ended early: the status, the state that failed first, and what has no inertia there."""
     worst, message = "", status.message

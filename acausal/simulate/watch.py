@@ -69,7 +69,8 @@ def warn_if_inaccurate(functions: Functions, run: Trajectory, rtol: float, atol:
     some = _looks(run.steps.t)
     values = _values(functions, run, some, sizes)
     as_found = values[:, :_LOOKS]
-    changes = np.abs(values[:, _LOOKS:] - as_found)
+    with np.errstate(invalid="ignore"):
+        changes = np.abs(values[:, _LOOKS:] - as_found)
     spread = np.maximum.reduce(changes, axis=1)
     if not np.isfinite(as_found[2:]).all() and np.isfinite(run.steps.x[:, some]).all():
         _has_no_constraints(functions, run)

@@ -7,7 +7,7 @@ import pytest
 
 import acausal as ac
 from acausal.errors import AcausalError, EquilibriumError, SimulationError, StartValueError
-from components import CentralField, Force, MutualGravitation, Particle, Revolute, RigidBody, Spring, World
+from components import CentralField, Force, MutualGravitation, Particle, Revolute, RigidBody, Spring, TorqueSource, World
 
 
 def _with_mass(mass: float):
@@ -94,3 +94,18 @@ def test_where_a_law_ends_on_the_way_it_is_named() -> None:
         )
     with pytest.raises(StartValueError, match=r"no derivative by hinge\.q"):
         model.linearize({scene.hinge.q: 0.2})
+
+
+def test_a_torque_without_a_value_at_the_start_says_so_and_nothing_else_does() -> None:
+    """1 / q at q = 0: an equilibrium that there is beside it, q sin q = 1 / (m g s), is found from there, without a word of numpy's."""
+    scene = ac.System()
+    scene.world, scene.hinge, scene.rod = World((0, 0, -9.81)), Revolute("y"), RigidBody.rod(1.0, (0, 0, -1.0))
+    scene.motor = TorqueSource(1 / scene.hinge.q)
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.motor.flange, scene.hinge.flange)
+    model = ac.build(scene)
+    with pytest.raises(SimulationError, match="hinge"):
+        model.simulate(1.0)
+    q = float(model.equilibrium()[scene.hinge.q])
+    assert q * np.sin(q) == pytest.approx(1 / (9.81 * 0.5))
