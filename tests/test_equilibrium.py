@@ -6,6 +6,7 @@ import re
 
 import numpy as np
 import pytest
+import scipy.optimize
 
 import acausal as ac
 from acausal.analysis.nearest import NearestRoot, Rows
@@ -19,8 +20,11 @@ from components import (
     Prismatic,
     Revolute,
     RigidBody,
+    Rod,
     RollingBall,
     RollingDisk,
+    RotationalGround,
+    RotationalSpring,
     Spherical,
     Spring,
     SpringDamper,
@@ -384,3 +388,56 @@ def test_a_root_that_is_as_near_as_its_unknowns_are_rounded_is_found(size):
         found = NearestRoot(rows, None, np.full(2, size), np.full(2, np.inf))(np.zeros(2))
         assert found.converged == (gap == 0), (noise, gap)
         assert gap or np.max(np.abs(found.z - target)) < 1e-12 * size
+
+
+class SpringyDelta(ac.System):
+    """A plate on three hips with springs, by pairs of equal rods, in units of a length; the springs are up to 1e4 times stiffer than the weight."""
+
+    def __init__(self, size: float, stiffness: np.ndarray, natural: np.ndarray) -> None:
+        self.size, self.stiffness, self.natural = size, stiffness, natural
+        self.ways = np.array([(np.cos(a), np.sin(a), 0.0) for a in 2 * np.pi / 3 * np.arange(3)])
+        self.world, self.plate = World((0, 0, -G)), RigidBody(0.3, (1e-3 * size**2, 1e-3 * size**2, 2e-3 * size**2))
+        across = [np.array((-y, x, 0.0)) for x, y, _ in self.ways]
+        self.hips, self.rods = [Revolute(tuple(one)) for one in across], [Rod(0.5 * size) for _ in range(6)]
+        self.arms = [RigidBody.rod(0.3, tuple(0.25 * size * one)) for one in self.ways]
+        self.springs = [RotationalSpring(k * size, angle) for k, angle in zip(stiffness, natural, strict=True)]
+        self.grounds = [RotationalGround() for _ in range(3)]
+        for k, way in enumerate(self.ways):
+            self.connect(self.world.at(tuple(0.2 * size * way)), self.hips[k].frame_a)
+            self.connect(self.hips[k].frame_b, self.arms[k].frame)
+            self.connect(self.grounds[k].flange, self.springs[k].flange_a)
+            self.connect(self.springs[k].flange_b, self.hips[k].flange)
+            for side, rod in ((-0.04, self.rods[2 * k]), (0.04, self.rods[2 * k + 1])):
+                self.connect(self.arms[k].at(tuple(size * (0.25 * way + side * across[k]))), rod.frame_a)
+                self.connect(self.plate.at(tuple(size * (0.05 * way + side * across[k]))), rod.frame_b)
+
+    def lowest(self, start: np.ndarray) -> np.ndarray:
+        """Angles of the hips and place of the plate where the energy is least, by scipy, without this package."""
+        down = np.array([0.0, 0.0, 1.0])
+
+        def energy(x: np.ndarray) -> float:
+            weights = 0.3 * G * (x[5] - 0.125 * np.sum(np.sin(x[:3])))
+            return weights + 0.5 * np.sum(self.stiffness * (x[:3] - self.natural) ** 2)
+
+        def gaps(x: np.ndarray) -> np.ndarray:
+            arms = 0.25 * (self.ways * np.cos(x[:3])[:, None] - down * np.sin(x[:3])[:, None])
+            return np.sum((x[3:] + 0.05 * self.ways - 0.2 * self.ways - arms) ** 2, axis=1) - 0.25
+
+        options = {"maxiter": 1000, "ftol": 1e-15}
+        return scipy.optimize.minimize(energy, start, method="SLSQP", constraints={"type": "eq", "fun": gaps}, options=options).x
+
+
+@pytest.mark.parametrize(
+    ("size", "stiffness", "natural"),
+    [
+        (1.2, (0.5, 3e4, 5.0), (-0.15, 0.66, -0.18)),
+        (5e-3, (2.7e4, 0.12, 160.0), (-0.25, 0.6, -0.65)),
+    ],
+)
+def test_springs_of_all_stiffnesses_on_loops_come_to_rest_where_the_energy_is_least(size, stiffness, natural):
+    """Down a valley that is steep on both sides, from far up."""
+    scene = SpringyDelta(size, np.array(stiffness), np.array(natural))
+    found = ac.build(scene).equilibrium({scene.plate.frame.position: (0, 0, -0.4 * size)})
+    place = np.array([*(found[hip.q] for hip in scene.hips), *(found[scene.plate.frame.position] / size)])
+    assert place == pytest.approx(scene.lowest(place + 0.01 * np.random.default_rng(0).normal(size=6)), abs=1e-5)
+    assert found.stability == "neutral"

@@ -18,6 +18,7 @@ from acausal.analysis.resting import resting
 from acausal.analysis.state_sizes import ROUNDING, UNCHANGED, Sizes, before_and_after, sizes_at
 from acausal.errors import EquilibriumError, OptionError
 from acausal.language.expression import Expression, Input, Parameter
+from acausal.numerics.assembly import freedom
 from acausal.numerics.one_thread import on_one_thread
 from acausal.numerics.thresholds import EDGE
 from acausal.outputs.functions import Functions
@@ -36,6 +37,7 @@ _STEP = 0.7
 _SINK = 0.1
 _SINKING = 200
 _MOVED = 1e-9
+_RANK = 1e-8
 
 
 @dataclass(frozen=True, repr=False)
@@ -277,33 +279,58 @@ def _moving_as_asked(s: ReducedSystem, given: Unknowns, motion: ca.SX, search: N
 
 
 def _let_down(functions: Functions, given: Unknowns, search: NearestRoot, x_dot: Differentiable) -> np.ndarray:
-    """Where the scene sinks from its start through honey: small steps along the accelerations from rest, until they turn round."""
+    """Where the scene sinks from its start through honey: along the accelerations from rest, in steps that what is stiff does not shorten.
+
+    Linearly implicit Euler, longer and longer where it goes on as it went, with slopes that push away taken as if they held back, so that it never climbs:
+    C. T. Kelley, D. E. Keyes, Convergence analysis of pseudo-transient continuation, SIAM J. Numer. Anal. 35 (1998).
+    """
     s = functions.outputs.system
     q, v = slice(0, s.nq), slice(s.nq, s.nq + s.tree_velocities)
-    closed = NearestRoot(given.rows(Differentiable(s, s.closing)), None, search.scale, search.limit)
+    closing = Differentiable(s, s.closing)
+    closed = NearestRoot(given.rows(closing), None, search.scale, search.limit)
     rates = Differentiable(s, ca.densify(s.mechanics.tree.rates))
-    z, stride, before = given.z.copy(), _SINK, np.zeros(s.tree_velocities)
+    z, stride, before, longer, sizes = given.z.copy(), _SINK, np.zeros(s.tree_velocities), 1.0, search.scale[v]
     z[v] = 0.0
+    moving = np.zeros((s.x.numel(), s.tree_velocities))
+    moving[v] = np.diag(sizes)
     for _ in range(_SINKING):
         at = given.at(z)
-        push = x_dot.value(at)[v]
+        push = x_dot.value(at)[v] / sizes
         if not np.isfinite(push).all():
             break
-        if push @ (before / search.scale[v] ** 2) < 0:
-            stride *= 0.5
-        dx = np.zeros((at.x.size, 1))
-        dx[v, 0] = before = push
-        dq = rates.along(at, dx)[:, 0]
+        turned = push @ before < 0
+        stride, longer, before = (0.5 * stride, 0.1 * longer, push) if turned else (min(1.2 * stride, _SINK), 2.0 * longer, push)
+        turn = np.zeros_like(moving)
+        turn[q] = rates.along(at, moving)  # positions by velocities in their sizes
+        A = closing.along(at, turn)
+        most = np.max(np.abs(A), axis=1, initial=0.0, keepdims=True)
+        free = freedom(A / np.where(most > 0, most, 1.0), _RANK)
+        usual = float(np.max(np.abs(turn[q] @ push) / search.scale[q], initial=0.0))
+        if not 0 < usual < np.inf or stride < 1e-3 * _SINK:
+            break
+        slope = free.T @ (x_dot.along(at, turn @ free)[v] / sizes[:, None])
+        dq = turn[q] @ (free @ _held_back(slope, free.T @ push, longer * stride / usual))
         largest = float(np.max(np.abs(dq) / search.scale[q], initial=0.0))
-        if not 0 < largest < np.inf or stride < 1e-3 * _SINK:
+        if not _MOVED < largest < np.inf:
             break
         moved = z.copy()
-        moved[q] += stride / largest * dq
+        moved[q] += min(stride / largest, 1.0) * dq
         found = closed(moved)
         if not found.converged:
             break
         z[q] = found.z[q]
     return z
+
+
+def _held_back(slope: np.ndarray, push: np.ndarray, time: float) -> np.ndarray:
+    """(1 / time + |slope|)^-1 push, the size of a matrix being that of its eigenvalues; push alone where it has none."""
+    if not np.isfinite(slope).all():
+        return time * push
+    values, vectors = np.linalg.eig(slope)
+    try:
+        return (vectors @ (np.linalg.solve(vectors, push) / (1 / time + np.abs(values)))).real
+    except np.linalg.LinAlgError:
+        return time * push
 
 
 def _from_several_starts(search: NearestRoot, guess: np.ndarray, nq: int, found: Root, astray: Callable[[Root], str]) -> Root:
