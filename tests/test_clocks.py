@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from components import Force, Particle, Prismatic, World
+from components import Force, Integrator, Particle, Prismatic, SampleAndHold, TimeFunction, World
 
 T = ac.time.sx
 
@@ -83,3 +83,18 @@ def test_numbers_are_compared_as_anywhere() -> None:
 def test_switches_before_the_start_do_not_matter() -> None:
     speed, _ = _speed(ca.if_else(T > 3, 1.0, 5.0), 5.0, t0=3.5, rtol=1e-12)
     assert abs(speed - 1.5) < 1e-13
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-4])
+def test_samples_are_taken_at_every_period_at_any_tolerance(rtol: float) -> None:
+    """The integral of what is held is a sum of samples: time is known to rounding, whatever the tolerance of states is."""
+    for period, end, speed in ((0.01, 2.995, 3.0), (0.07, 20.0, 0.4)):
+        scene = ac.System()
+        scene.source, scene.sum = TimeFunction(lambda t, speed=speed: np.sin(speed * t)), Integrator()
+        scene.sampler = SampleAndHold(period)
+        scene.connect(scene.source.output, scene.sampler.input)
+        scene.connect(scene.sampler.output, scene.sum.input)
+        run = ac.build(scene).simulate(end, rtol=rtol, samples=2)
+        begins = period * np.arange(np.ceil(end / period))
+        exact = np.sum(np.sin(speed * begins) * np.diff([*begins, end]))
+        assert run[scene.sum.x][-1] == pytest.approx(exact, abs=1e-11)

@@ -452,11 +452,37 @@ static int find_set_slopes(Integrator *I, double *slope);
 /* How far from zero the tolerance leaves a guard of something that sets. */
 static double at_rest(const Integrator *I, long row) { return I->state->row_noise[row] * fmax(MET, ROUNDINGS * I->rtol / EPS); }
 
+#define MOVED 1e3 /* roundings that states are moved by where it is asked what depends on them */
+
+/* The same of its states x at t alone, where rounding has been looked at: time is known to rounding, whatever the tolerance is. Negative when the input function failed. */
+static double known_by_states(Integrator *I, long row, double t, const double *x) {
+    struct State *T = I->state;
+    V *in = T->rows_in;
+    double most = 0, here = 0;
+    in[0] = v_all(t);
+    for (long first = 0; first < COUNTED; first += LANES) {
+        for (long l = 0; l < LANES; l++)
+            for (long i = 0; i < I->nx; i++) {
+                double unit = first + l > 0 ? MOVED * EPS * fmax(T->size[i], fabs(x[i])) : 0;
+                in[1 + i][l] = x[i] + unit * ((double)(drawn((first + l) * (I->nx + 1) + i) >> 29) / 2 - 1.75);
+            }
+        if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return -1;
+        run_masked(I, OF_ROWS, in, T->rows_c, T->rows_out);
+        if (first == 0) here = T->rows_out[row][0];
+        for (long l = 0; l < LANES; l++) most = fmax(most, fabs(T->rows_out[row][l] - here));
+    }
+    return most * ROUNDINGS * ROUNDINGS * I->rtol / (MOVED * EPS);
+}
+
 /* Whether such a guard rests at zero: it is as near as the tolerance tells, and so it is at the end if it goes on as it does here. -1: the input function failed. */
-static int rests_at_zero(Integrator *I, long row, double value) {
-    double *slope = I->state->set_rows + 2 * I->set_count, known = at_rest(I, row);
+static int rests_at_zero(Integrator *I, long row, double value, double t, const double *x) {
+    double *slope = I->state->set_rows + 2 * I->set_count, known = at_rest(I, row), rounded = MET * I->state->row_noise[row];
     if (!(fabs(value) <= known)) return 0;
-    return find_set_slopes(I, slope) ? fabs(slope[row - first_set(I)] * (I->end - I->t)) <= known : -1;
+    if (!find_set_slopes(I, slope)) return -1;
+    double most = fmax(fabs(value), fabs(slope[row - first_set(I)] * (I->end - I->t)));
+    if (!(most <= known)) return 0;
+    double by_states = most <= rounded ? known : known_by_states(I, row, t, x);
+    return by_states < 0 ? -1 : most <= by_states || by_states >= 0.5 * known; /* what else but time it depends on is as rounded as rounding tells */
 }
 
 /* The first row that becomes negative in a step, into L, and where; 2 where none does, -1 when the input function failed, -2 where an
@@ -487,7 +513,7 @@ static double first_switch(Path *p, struct Landing *L) {
         p->noise = T->row_noise[r];
         if (r >= first_set(I) && r < I->mode_rows) { /* what is at zero has passed where it is seen to get away */
             if (fabs(v[0]) <= MET * p->noise) p->noise *= MET;
-            int rests = rests_at_zero(I, r, v[0]);
+            int rests = rests_at_zero(I, r, v[0], p->t + p->h, p->stop);
             if (rests < 0) return -1;
             if (rests) p->noise = fmax(p->noise, fabs(v[0]) + at_rest(I, r));
             if (rests && fabs(v[POINTS - 1]) <= p->noise) continue; /* the inside of a step is known less well than its ends */
