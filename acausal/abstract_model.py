@@ -176,7 +176,7 @@ class AbstractModel(ABC):
         `wrt`: parameters, inputs (as constants), and variables that have an exact value in `start`. Other arguments and errors as for
         `simulate`. Forward sensitivities of the numerical motion itself, carried along with it: exact to the tolerance.
         """
-        t, accuracy = ascending(times, "sensitivities: `times`"), Accuracy.asked(rtol, atol, None, max_steps)
+        t, accuracy = ascending(times, "sensitivities: `times`", 1), Accuracy.asked(rtol, atol, None, max_steps)
         by = expressions(self._named(wrt), "sensitivities: `wrt`", "wrt=[scene.stiffness, scene.hinge.q]")
         return self._sensitivities(
             self._situation(start, float(t[0]), inputs, parameters), t, by, accuracy, truth(compiled, "sensitivities: compiled")

@@ -78,14 +78,14 @@ def function_name(value: Any, what: str) -> str:
     return value
 
 
-def ascending(value: Any, what: str) -> np.ndarray:
-    """Times (n,) [s], two or more. Raises `OptionError` for what does not rise or is not finite."""
+def ascending(value: Any, what: str, least: int = 2) -> np.ndarray:
+    """Times (n,) [s], so many at `least`. Raises `OptionError` for what does not rise or is not finite."""
     try:
         times = np.asarray(value, dtype=float).ravel()
     except (TypeError, ValueError, OverflowError):
         times = np.zeros(0)
-    if times.size < 2 or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
-        raise OptionError(f"{what} are {value!r}; give at least two ascending times [s].")
+    if times.size < least or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
+        raise OptionError(f"{what} are {value!r}; give at least {'two ascending times' if least == 2 else 'one time'} [s].")
     return times
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
 from scipy.linalg import expm
-from scipy.optimize import brentq
+from scipy.optimize import brentq, minimize
 
 import acausal as ac
 from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
@@ -1162,6 +1162,82 @@ def test_errors_and_correlation_of_a_straight_line_are_those_of_its_normal_equat
     assert found.correlation == pytest.approx(np.array([[1.0, turned], [turned, 1.0]]), rel=1e-6)
 
 
+@pytest.mark.parametrize(
+    ("units", "said"), [((1.0, 1.0), (False, True)), ((1.0, 1e6), (False, False)), ((1e-6, 1.0), (True, False))]
+)
+def test_noise_that_nobody_said_is_that_of_restricted_maximum_likelihood(
+    units: tuple[float, float], said: tuple[bool, bool]
+) -> None:
+    """Of a straight line, by its place and its speed, whose noises are unlike: their likelihood after the unknowns are integrated out is greatest, in any units."""
+    scene = ac.System()
+    scene.mass = SlidingMass(2.0)
+    rng, sigma = np.random.default_rng(4), np.array([0.03, 0.4])
+    t, A = np.sort(rng.uniform(0.1, 2, 15)), np.zeros((15, 2, 2))
+    A[:, 0, 0], A[:, 0, 1], A[:, 1, 1] = 1, t, 1
+    y = A @ [0.7, -1.3] + sigma * rng.normal(size=(15, 2))
+    which: Any = (scene.mass.s, scene.mass.v)
+    data = {
+        unit * key: (t, unit * y[:, k], unit * sigma[k]) if said[k] else (t, unit * y[:, k])
+        for k, (unit, key) in enumerate(zip(units, which, strict=True))
+    }
+    found = ac.estimate(ac.build(scene), data, which, {scene.mass.s: 0.0, scene.mass.v: 0.0})
+
+    def fitted(noise: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        rows, right = (A / noise[:, None]).reshape(-1, 2), (y / noise).ravel()
+        values = np.linalg.lstsq(rows, right)[0]
+        off = right - rows @ values
+        return values, rows.T @ rows, 15 * np.log(noise).sum() + 0.5 * (np.linalg.slogdet(rows.T @ rows)[1] + off @ off)
+
+    open_ones = [k for k in range(2) if not said[k]]
+
+    def noise(logs: np.ndarray) -> np.ndarray:
+        own = sigma.copy()
+        own[open_ones] = np.exp(logs)
+        return own
+
+    best = minimize(
+        lambda logs: fitted(noise(logs))[2],
+        np.log(sigma[open_ones]),
+        method="Nelder-Mead",
+        options={"xatol": 1e-9, "fatol": 1e-13},
+    )
+    values, normal, _ = fitted(noise(best.x))
+    assert list(found.noise.values()) == pytest.approx((np.array(units) * noise(best.x))[open_ones], rel=1e-3)
+    errors = np.sqrt(np.diag(np.linalg.inv(normal)))
+    assert [found.standard_error(key) for key in which] == pytest.approx(errors, rel=1e-3)
+    assert np.all(np.abs(found.values - values) < 1e-3 * errors)
+
+
+def test_noise_that_no_value_is_left_to_tell_is_not_known() -> None:
+    scene = ac.System()
+    scene.mass = SlidingMass(2.0)
+    model, unknowns, start = ac.build(scene), [scene.mass.s, scene.mass.v], {scene.mass.s: 0.5, scene.mass.v: 0.0}
+    found = ac.estimate(model, {scene.mass.s: ([1.0, 3.0], [2.0, 8.0])}, unknowns, start)
+    assert found.values == pytest.approx([-1.0, 3.0], rel=1e-6)
+    assert np.isinf(found.standard_error(scene.mass.s)) and "give standard deviations" in str(found)
+    with pytest.raises(OptionError, match=r"noise of mass\.s cannot be told: the unknowns use up all but .* of its 1 values"):
+        ac.estimate(model, {scene.mass.s: ([1.0], [2.0]), scene.mass.v: ([1.0, 3.0, 4.0], [2.0, 2.1, 2.2], 0.1)}, unknowns, start)
+
+
+def test_what_is_said_for_all_recordings_holds_where_they_say_nothing(swung: Any) -> None:
+    """And noise may be told for each entry of a vector; data of the start alone tell the start."""
+    scene, model, run = swung
+    t = np.linspace(0.1, 3, 12)
+    place = run.at(t)[scene.bob.point.position]
+    given = {scene.bob.point.position: (t, place, [0.01, 1.0, 0.02])}
+    for recordings in (given, ac.Recording(given), [given], [ac.Recording(given, {scene.hinge.q: 1.0}), given]):
+        found = ac.estimate(model, recordings, scene.length, {scene.hinge.q: 1.0}, inputs={scene.torque: 0.4})
+        assert found["length"] == pytest.approx(0.63, rel=1e-8)
+    again = ac.estimate(
+        model,
+        {scene.hinge.q: ([0.0, 0.0], [0.7, 0.71], 0.01)},
+        [scene.hinge.q, scene.hinge.v],
+        {scene.hinge.q: 0.6, scene.hinge.v: 0.0},
+    )
+    assert again[scene.hinge.q] == pytest.approx(0.705) and again.standard_error(scene.hinge.q) == pytest.approx(0.01 / 2**0.5)
+    assert "no data sees this change: +1 of hinge.v" in str(again)
+
+
 def test_standard_errors_cover_the_truth(swung: Any) -> None:
     """Over repetitions chi squared has its mean and the errors, in standard errors, unit variance."""
     scene, model, run = swung
@@ -1246,6 +1322,10 @@ def test_what_the_data_cannot_tell_is_said() -> None:
         ),
         (lambda s: {s.hinge.q: ([1, 2], [1, 2])}, ["length", "length"], "unknown twice"),
         (lambda s: {s.hinge.q: ([1, 2], [1, 2])}, [], "nothing is unknown"),
+        (lambda s: {s.hinge.q: ([1, 2], [1, 2], [0.1, 0.2, 0.3])}, ["length"], r"an array \(3,\)\. Give a number"),
+        (lambda s: {s.bob.point.position: ([1, 2], np.zeros((3, 2)))}, ["length"], r"not \(3, 2\)\. They stand in columns"),
+        (lambda s: [1.0], ["length"], "1.0 is no recording"),
+        (lambda s: None, ["length"], "recordings must be a list"),
         (lambda s: {s.hinge.q: ([1, 2], [1, 2])}, ["hinge.q"], "no single start value"),
     ],
 )

@@ -5,14 +5,16 @@ from __future__ import annotations
 import functools
 import warnings
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 
-from acausal.arguments import dictionary
+from acausal.arguments import dictionary, listed
 from acausal.errors import AccuracyWarning, AssemblyError, OptionError, ParameterError, SimulationError, StartValueError
 from acausal.language.expression import Expression, Input, Parameter
+from acausal.optimal_control.language import free
+from acausal.optimal_control.least_squares import LEFT, Fit, Noise, Seen
 from acausal.outputs.expression_names import expression_name
 from acausal.outputs.functions import Functions
 from acausal.simulate.sensitivity import Sensitivities
@@ -22,13 +24,6 @@ from acausal.wording import counted
 _LOST = (SimulationError, AssemblyError, StartValueError, ParameterError)
 _FAR = 20
 """Standard deviations of chi squared, beyond which the model or the search is wrong and not the luck bad."""
-_UNSEEN = 1e-6
-"""Singular values of the data's slopes, each of length one, below which these depend on one another, beside the tolerance of the motion."""
-_UNFELT = 1e-12
-"""Of what others do to the data: less is rounding."""
-
-_SETTLED = 1e-12
-"""Of what chi squared is for each measured value that is left: what a step would gain, where no step is worth a motion; a millionth of standard errors."""
 _PAUSE = 1e5
 """Times what data usually come apart: a pause that nobody means."""
 
@@ -49,8 +44,9 @@ class Sensitive(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """One experiment. `data`: {expression: (times (m,) [s], values (m,) or (m, size), standard deviation of their noise)}; without the last one the noise
-    is estimated from what is left over. NaN: missing. `start` and `inputs` as for `simulate`.
+    """One experiment. `data`: {expression: (times (m,) [s], values (m,) or (m, size), standard deviation of their noise)}; the last one is a number, or one for each
+    entry, each time, or each value; without it the noise of that expression is estimated from what is left over of it in all recordings. NaN: missing.
+    `start` and `inputs` as for `simulate`; what is not said there is that of `estimate`.
     """
 
     data: Mapping[Any, Any]
@@ -61,7 +57,8 @@ class Recording:
 @dataclass(frozen=True, eq=False)
 class Estimate:
     """What recordings say of `unknowns`: `values` (n,), their `covariance` (n, n), and of the fit `chi2` with `freedom` (measured values less unknowns):
-    about equal where noise is as said and the model is right. `residuals` (m,): model less data, in standard deviations.
+    about equal where noise is as said and the model is right. `residuals` (m,): model less data, in standard deviations. `noise`: those that nobody said, by
+    names of what was measured.
     `unseen` (k, n): changes of the unknowns, each of length 1 relative to the values, that no data sees. `missing`: values that were NaN.
     """
 
@@ -75,6 +72,7 @@ class Estimate:
     unseen: np.ndarray
     missing: int
     evaluations: int
+    noise: Mapping[str, float]
 
     def __getitem__(self, unknown: Expression | str) -> float:
         """The value of one unknown, by itself or its name."""
@@ -106,6 +104,11 @@ class Estimate:
         lines.append(f"chi2 = {self.chi2:.4g} with {self.freedom} degrees of freedom")
         if self.missing:
             lines[-1] += f"; {counted(self.missing, 'value')} of {self.missing + self.residuals.size} missing"
+        lines += [
+            f"noise of {name}: {value:.3g}, by what is left of it" for name, value in self.noise.items() if np.isfinite(value)
+        ]
+        if self.noise and not self.freedom:
+            lines.append("no value is left to tell the noise: give standard deviations, (times, values, standard deviation)")
         for direction in self.unseen:
             parts = [f"{share:+.2g} of {name}" for share, name in zip(direction, self.names, strict=True) if abs(share) > 1e-3]
             lines.append(f"no data sees this change: {', '.join(parts)}, each relative to its value")
@@ -114,8 +117,8 @@ class Estimate:
 
 def estimate(
     model: Sensitive,
-    recordings: Mapping[Any, Any] | Recording | Sequence[Recording],
-    unknowns: Sequence[Expression | str],
+    recordings: Mapping[Any, Any] | Recording | Sequence[Mapping[Any, Any] | Recording],
+    unknowns: Sequence[Expression | str] | Expression | str,
     start: Mapping[Any, Any] | None = None,
     *,
     inputs: Mapping[Any, Any] | None = None,
@@ -126,11 +129,11 @@ def estimate(
     """The values of `unknowns` with which the motion is nearest to what was recorded, by least squares in standard deviations of the noise.
 
     `recordings`: data of one experiment (see `Recording`), one or several. `unknowns`: parameters, constant inputs, and variables with a value in
-    `start`, where the search begins too. Gauss-Newton with exact sensitivities in trust regions (scipy's `least_squares`). Raises `OptionError`, and the
-    errors of `simulate` where not even the first motion can be made.
+    `start`, where the search begins too. Gauss-Newton with exact sensitivities in trust regions; noise that was not said by restricted maximum likelihood, of each measured
+    expression by itself. Raises `OptionError`, and the errors of `simulate` where not even the first motion can be made.
     """
     symbols = model.functions.outputs.system.flat.symbols
-    wanted = [symbols({one: 0.0}) for one in unknowns]
+    wanted = [symbols({one: 0.0}) for one in ([unknowns] if isinstance(unknowns, Expression | str) else unknowns)]
     keys: list[Expression] = [next(iter(one)) for one in wanted]
     if not keys:
         raise OptionError(
@@ -138,26 +141,86 @@ def estimate(
         )
     if len(set(map(id, keys))) < len(keys):
         raise OptionError(f"estimate: something is unknown twice among {list(unknowns)}. Name each once.")
-    if isinstance(recordings, Mapping):
-        recordings = Recording(recordings, start, inputs)
-    all_runs = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    runs = [_Run(model, one, keys, parameters or {}, t0, rtol) for one in all_runs]
+    single = isinstance(recordings, Mapping | Recording)
+    all_runs = (
+        [recordings]
+        if single
+        else listed(recordings, "estimate: the recordings", "[ac.Recording({scene.hinge.q: (times, values, 0.01)})]")
+    )
+    runs = [_Run(model, _recording(one, start, inputs), keys, parameters or {}, t0, rtol) for one in all_runs]
     first = np.array([_begin(runs, key, parameters or {}, model.functions) for key in keys])
     if not any(np.isfinite(one.values).any() for run in runs for one in run.series):
         raise OptionError(
             "estimate: the recordings hold no finite value. Give data={scene.hinge.q: (times, values, standard deviation)}."
         )
-    problem = _Fit(runs, first)
+    groups = list(dict.fromkeys(one.name for run in runs for one in run.series if not one.noise_known))
+    series = [one for run in runs for one in run.series]
+    fit = Fit(_Runs(runs), first, _noise(series, groups, rtol))
+    found = fit.solved()
     names = tuple(expression_name(model.functions.outputs, k) for k in keys)
-    found = problem.solved(tuple(keys), names)
-    if all(run.noise_known for run in runs) and found.chi2 > found.freedom + _FAR * np.sqrt(2 * max(found.freedom, 1)):
-        warnings.warn(
-            f"The model is not near the data: chi2 is {found.chi2:.4g} with {found.freedom} degrees of freedom, where the noise that was said allows about "
-            f"{found.freedom} +- {np.sqrt(2 * max(found.freedom, 1)):.2g}. Standard errors mean nothing then. Begin nearer, free what else is not known, or look at residuals.",
-            AccuracyWarning,
-            stacklevel=2,
+    return _estimate(fit, found, tuple(keys), names, series, groups)
+
+
+def _recording(given: Any, start: Mapping[Any, Any] | None, inputs: Mapping[Any, Any] | None) -> Recording:
+    """With what is said for all of them, where it says nothing itself."""
+    if isinstance(given, Mapping):
+        return Recording(given, start, inputs)  # pyright: ignore[reportUnknownArgumentType]
+    if not isinstance(given, Recording):
+        raise OptionError(
+            f"estimate: {given!r} is no recording. Give ac.Recording({{scene.hinge.q: (times, values, 0.01)}}, start, inputs)."
         )
-    return found
+    return replace(given, start={**(start or {}), **(given.start or {})}, inputs={**(inputs or {}), **(given.inputs or {})})
+
+
+def _noise(series: Sequence[_Series], groups: Sequence[str], rtol: float) -> Noise:
+    """Of all values that are not missing; what nobody said is no less than what the motion is off by."""
+    number = {name: k for k, name in enumerate(groups)}
+    known = [np.isfinite(one.values) for one in series]
+    said = [one.noise[there] for one, there in zip(series, known, strict=True)]
+    of = [
+        np.full(int(there.sum()), -1 if one.noise_known else number[one.name]) for one, there in zip(series, known, strict=True)
+    ]
+    least = np.zeros(len(groups))
+    for one, there in zip(series, known, strict=True):
+        if not one.noise_known:
+            least[number[one.name]] = max(least[number[one.name]], rtol * np.max(np.abs(one.values[there]), initial=0.0))
+    return Noise(np.concatenate(said), np.concatenate(of), np.where(least > 0, least, np.finfo(float).tiny ** 0.5))
+
+
+def _estimate(
+    fit: Fit,
+    found: np.ndarray,
+    keys: tuple[Expression, ...],
+    names: tuple[str, ...],
+    series: Sequence[_Series],
+    groups: Sequence[str],
+) -> Estimate:
+    """What is told of a fit with this noise of groups (groups,). Raises `OptionError` where noise cannot be told; warns where the model is not near."""
+    rows, noise, used = fit.seen[0], fit.noise, fit.used(found)
+    covariance, unseen = fit.covariance(found)
+    freedom = rows.size - (len(keys) - len(unseen))
+    _, left = noise.left(rows, used)
+    if freedom > 0 and len(groups) + (np.min(noise.groups) < 0) > 1 and np.any(left < LEFT):
+        k = int(np.argmin(left))
+        raise OptionError(
+            f"The noise of {groups[k]} cannot be told: the unknowns use up all but {max(left[k], 0.0):.2g} of its {int(np.sum(noise.groups == k))} values. "
+            "Give its standard deviation: (times, values, standard deviation)."
+        )
+    if freedom <= 0 and groups:
+        covariance = np.full_like(covariance, np.inf)
+    off = rows / noise.of(found)
+    chi2, missing = float(off @ off), sum(int(np.isnan(one.values).sum()) for one in series)
+    told = dict(zip(groups, found.tolist(), strict=True)) if freedom > 0 else dict.fromkeys(groups, float("nan"))
+    said = noise.groups < 0
+    sure, rest = float(off[said] @ off[said]), float(np.sum(1.0 - used[said]))
+    if said.any() and sure > rest + _FAR * np.sqrt(2 * max(rest, 1)):
+        warnings.warn(
+            f"The model is not near the data: chi2 is {sure:.4g} with {rest:.4g} degrees of freedom, where the noise that was said allows about "
+            f"{rest:.4g} +- {np.sqrt(2 * max(rest, 1)):.2g}. Standard errors mean nothing then. Begin nearer, free what else is not known, or look at residuals.",
+            AccuracyWarning,
+            stacklevel=3,
+        )
+    return Estimate(keys, names, fit.values, covariance, chi2, freedom, off, unseen, missing, fit.evaluations, told)
 
 
 def _begin(runs: list[_Run], key: Expression, parameters: Mapping[Any, float], functions: Functions) -> float:
@@ -167,6 +230,10 @@ def _begin(runs: list[_Run], key: Expression, parameters: Mapping[Any, float], f
         return float(given.get(key, system.p_values[system.flat.parameters.index(key)]))
     values: list[Any] = [run.inputs.get(key, 0.0) if isinstance(key, Input) else run.start.get(key) for run in runs]
     found: Any = next((v.value if isinstance(v, near | exactly) else v for v in values if v is not None), None)
+    if isinstance(found, free):
+        raise OptionError(
+            f"estimate: the start value of {key!r} is {found!r}. Give the number where the search begins; that it is unknown is said already."
+        )
     if found is None or np.size(found) != 1:
         raise OptionError(
             f"estimate: {key!r} is no parameter and no input, and has no single start value; give one where the search begins."
@@ -196,10 +263,9 @@ class _Run:
             for key, value in symbols(dictionary(recording.data, "data", "{scene.hinge.q: (times, values, 0.01)}")).items()
         ]
         self.times = np.unique(np.concatenate([[t0], *(one.times for one in self.series)]))
-        self.noise_known = all(one.noise_known for one in self.series)
 
-    def residuals(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(m,) and (m, n)."""
+    def residuals(self, values: np.ndarray) -> Seen:
+        """Model less data, and its slopes."""
         start, inputs, parameters = dict(self.start), dict(self.inputs), dict(self.parameters)
         for key, value in zip(self.keys, values.tolist(), strict=True):
             (parameters if isinstance(key, Parameter) else inputs if isinstance(key, Input) else start)[key] = value
@@ -209,17 +275,18 @@ class _Run:
         for one in self.series:
             y, total = found.total_derivative(one.wanted)
             at = np.searchsorted(self.times, one.times)
-            off, known = (y.T[at] - one.values) / one.noise, np.isfinite(one.values)
-            rows.append(off[known])
-            slopes.append((total[at] / one.noise[:, :, None])[known])
+            known = np.isfinite(one.values)
+            rows.append((y.T[at] - one.values)[known])
+            slopes.append(total[at][known])
         return np.concatenate(rows), np.concatenate(slopes)
 
 
 @dataclass(frozen=True, eq=False)
 class _Series:
-    """Of one expression: `times` (m,), `values` and `noise` (m, size)."""
+    """Of one expression, by its name: `times` (m,), `values` and `noise` (m, size)."""
 
     wanted: Expression
+    name: str
     times: np.ndarray
     values: np.ndarray
     noise: np.ndarray
@@ -236,19 +303,33 @@ def _series(functions: Functions, wanted: Expression, given: Any, t0: float) -> 
         raise OptionError(f"The data of {name} are not numbers.") from None
     times, values = parts[0].ravel(), parts[1]
     size = functions.outputs.resolve(wanted).numel()
-    if values.size != times.size * size:
-        raise OptionError(f"The data of {name}: {times.size} times need {times.size * size} values, not {values.size}.")
+    m = times.size
+    fits = values.size == m * size and (values.ndim < 2 or values.shape == (m, size) or 1 in (m, size))
+    if not fits:
+        turned = " They stand in columns: turn them, values.T." if values.shape == (size, m) else ""
+        raise OptionError(
+            f"The data of {name}: {m} times need {m * size} values, an array {(m, size) if size > 1 else (m,)}, not {values.shape}.{turned}"
+        )
     if not np.all(np.isfinite(times)) or np.any(times < t0):
         raise OptionError(f"The data of {name} have times that are not finite, or before the start at {t0:g} s.")
     _check_gaps(name, times)
-    values = values.reshape(times.size, size)
+    values = values.reshape(m, size)
     noise = parts[2] if len(parts) == 3 else np.array(1.0)
     if np.isinf(values).any():
         raise OptionError(f"The data of {name} are infinite somewhere. What is missing is NaN.")
     if not np.all((noise > 0) & np.isfinite(noise)):
         raise OptionError(f"The standard deviation of {name} must be positive and finite. What is missing is NaN in the values.")
-    whole = np.broadcast_to(noise.reshape(times.size, -1) if noise.size > 1 else noise, values.shape)
-    return _Series(wanted, times, values, np.array(whole), len(parts) == 3)
+    return _Series(wanted, name, times, values, _spread(name, noise, m, size), len(parts) == 3)
+
+
+def _spread(name: str, noise: np.ndarray, m: int, size: int) -> np.ndarray:
+    """(m, size), of a number, one for each entry, one for each time, or one for each value."""
+    for shape in ((m, size), (1, size), (m, 1)):
+        if noise.size == 1 or noise.shape == shape or (noise.ndim == 1 and noise.size == np.prod(shape)):
+            return np.array(np.broadcast_to(noise if noise.size == 1 else noise.reshape(shape), (m, size)))
+    raise OptionError(
+        f"The standard deviation of {name} is an array {noise.shape}. Give a number, one for each of its {size} entries, or one for each of its {m} times."
+    )
 
 
 def _check_gaps(name: str, times: np.ndarray) -> None:
@@ -262,77 +343,18 @@ def _check_gaps(name: str, times: np.ndarray) -> None:
         )
 
 
-class _SettledAt(Exception):
-    """The search is at its end, with these `values`."""
+class _Runs:
+    """All recordings together; None where there is no such motion, but for the first values."""
 
-    def __init__(self, values: np.ndarray) -> None:
-        super().__init__()
-        self.values = values
+    def __init__(self, runs: Sequence[_Run]) -> None:
+        self._runs, self._begun = runs, False
 
-
-class _Fit:
-    """All recordings together."""
-
-    def __init__(self, runs: list[_Run], first: np.ndarray) -> None:
-        self.runs, self.first = runs, first
-        self.evaluations, self._least = 0, np.inf
-        self._known: tuple[bytes, np.ndarray, np.ndarray] | None = None
-
-    def _both(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        if self._known is None or self._known[0] != values.tobytes():
-            self.evaluations += 1
-            before = self._known
-            try:
-                pairs = [run.residuals(values) for run in self.runs]
-                self._known = values.tobytes(), np.concatenate([r for r, _ in pairs]), np.concatenate([s for _, s in pairs])
-            except _LOST:
-                if before is None:
-                    raise
-                self._known = values.tobytes(), 10 * before[1], before[2]  # no motion there: the step is refused
-        return self._known[1], self._known[2]
-
-    def _rows(self, values: np.ndarray) -> np.ndarray:
-        """Residuals. Raises `_SettledAt` where no step would gain anything: steps that are refused by rounding alone cost a motion each."""
-        rows, slopes = self._both(values)
-        chi2, freedom = float(rows @ rows), max(1, rows.size - values.size)
-        if chi2 <= self._least:
-            self._least = chi2
-            effect = np.linalg.norm(slopes, axis=0)
-            U, s, _ = np.linalg.svd(slopes / np.where(effect > 0, effect, 1.0), full_matrices=False)
-            gain = float(np.sum((U[:, s > _UNSEEN].T @ rows) ** 2))
-            if gain <= _SETTLED * chi2 / freedom:
-                raise _SettledAt(values.copy())
-        return rows
-
-    def solved(self, unknowns: tuple[Expression, ...], names: tuple[str, ...]) -> Estimate:
-        """The least squares."""
-        import scipy.optimize
-
-        fit: Any = scipy.optimize.least_squares  # its stub knows no slopes as a function
+    def __call__(self, values: np.ndarray) -> Seen | None:
         try:
-            found = fit(self._rows, self.first, lambda v: self._both(v)[1], x_scale="jac", xtol=1e-12, ftol=1e-12, gtol=1e-14)
-            values = np.asarray(found.x)
-        except _SettledAt as settled:
-            values = settled.values
-        rows, slopes = self._both(values)
-        size, felt = self._sizes(values, slopes)
-        _, s, V = np.linalg.svd(np.linalg.qr(np.where(felt, slopes * size, 0.0), mode="r"))
-        s = np.append(s, np.zeros(values.size - s.size))
-        seen = s > _UNSEEN
-        chi2, freedom = float(rows @ rows), rows.size - int(seen.sum())
-        spread = 1.0 if all(run.noise_known for run in self.runs) else chi2 / max(1, freedom)
-        weights = np.where(seen, 1.0 / np.where(seen, s, 1.0) ** 2, 0.0)
-        covariance = spread * (V.T * weights) @ V * size * size[:, None]
-        touched = np.any(np.abs(V[~seen]) > 1e-3, axis=0)
-        covariance[touched, touched] = np.inf
-        unseen = V[~seen] * size / np.fmax(np.abs(values), size)
-        unseen /= np.linalg.norm(unseen, axis=1, keepdims=True)
-        missing = sum(int(np.isnan(one.values).sum()) for run in self.runs for one in run.series)
-        return Estimate(unknowns, names, values, covariance, chi2, freedom, rows, unseen, missing, self.evaluations)
-
-    def _sizes(self, values: np.ndarray, slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """By how much each unknown changes all data together by one standard deviation (n,), also one that is zero; and which do so at all, beside what
-        others do: the sizes of the rest are their values."""
-        effect, own = np.linalg.norm(slopes, axis=0), np.fmax(np.abs(values), np.abs(self.first))
-        felt = (effect > 0) & ((own == 0) | (effect * own > _UNFELT * np.max(effect * own, initial=0.0)))
-        return np.where(felt, 1.0 / np.where(felt, effect, 1.0), np.where(own > 0, own, 1.0)), felt
+            pairs = [run.residuals(values) for run in self._runs]
+        except _LOST:
+            if not self._begun:
+                raise
+            return None
+        self._begun = True
+        return np.concatenate([r for r, _ in pairs]), np.concatenate([s for _, s in pairs])
