@@ -1053,6 +1053,23 @@ def test_a_ball_rolls_through_places_and_all_that_is_said_of_its_end_is_not_aske
     assert np.ptp(best.x[:4], axis=1).max() > 1
 
 
+@pytest.mark.parametrize(("spin", "angle", "time"), [(1.7, 0.5, 6.0), (-0.9, 2.2, 5.0), (0.0, 4.0, 3.0)])
+def test_a_body_that_spins_comes_to_rest_by_as_many_turns_as_are_best(spin: float, angle: float, time: float) -> None:
+    """A ball about an axis: least effort I^2 (w^2 / T + 12 (phi - w T / 2)^2 / T^3), of all angles phi that are the same attitude."""
+    scene, axis = ac.System(), np.array([2.0, -1.0, 2.0]) / 3
+    scene.torques = [ac.Input("N m") for _ in range(3)]
+    scene.world, scene.body, scene.motor = World(gravity=None), RigidBody(1.0, (2.0, 2.0, 2.0)), Torque(tuple(scene.torques))
+    scene.connect(scene.motor.frame, scene.body.frame)
+    frame: Any = scene.body.frame
+    ocp = ac.OptimalControl(ac.build(scene), time)
+    still = {frame.position: (0, 0, 0), frame.velocity: (0, 0, 0)}
+    ocp.start({**still, frame.rotation: np.eye(3), frame.angular_velocity: spin * axis})
+    ocp.end({frame.rotation: ac.rotations.axis_angle(axis, angle), frame.angular_velocity: (0, 0, 0)})
+    ocp.minimise(ac.integral(sum(torque**2 for torque in scene.torques)))
+    turns = angle + 2 * np.pi * np.arange(-5, 6) - spin * time / 2
+    assert ocp.solve(12).cost == pytest.approx(4 * (spin**2 / time + 12 * np.min(turns**2) / time**3), rel=1e-5)
+
+
 def test_an_input_without_effect_is_said() -> None:
     scene = Sledge()
     scene.idle = ac.Input("N")

@@ -9,6 +9,7 @@ import numpy as np
 
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.stage import Stage
+from acausal.optimal_control.turning import product, spins, turning_path
 
 if TYPE_CHECKING:
     from acausal.simulate.trajectory import Trajectory
@@ -55,10 +56,12 @@ def path_guess(
     turned: np.ndarray,
     sought: np.ndarray,
     bend: np.ndarray | float = 0.0,
+    around: int = -1,
 ) -> Guess:
     """Smoothly from stop to stop: (part of the duration, states (nx,)), positions as of least jerk, or at constant speed where some are
-    `turned` (nx,) and others follow; where it rolls, those that are `sought` (nx,) lead; driven as inverse dynamics says. `units` (width,): what is much for each unknown of a point. `bend` (times, nq): by how much
-    positions are off that path.
+    `turned` (nx,) and others follow; where it rolls, those that are `sought` (nx,) lead; driven as inverse dynamics says. Where there is one way only, bodies turn on
+    from the spin that they have. `units` (width,): what is much for each unknown of a point. `bend` (times, nq): by how much
+    positions are off that path; `around`: number of the quaternion that turns the long way.
     """
     nq, steady = stage.functions.space.nq, bool(turned.any())
     where = np.array([at for at, _ in stops])
@@ -70,12 +73,37 @@ def path_guess(
         x = wanted[k] + (wanted[k + 1] - wanted[k]) * blend[:, None]
     else:
         x = np.repeat(wanted, times.size, axis=0)
+    if where.size == 2 and not steady and not _rolls(stage):
+        _turn(stage, x, times, duration, free, sought, around)
     x[:, :nq] += bend
     x[:, :nq] = closed(stage, x, times, duration, free, np.where(turned, _HELD, 1.0))[:, :nq]
     t = times * duration
     x = _moving(stage, x, t, free, duration, sought, steady=steady)
     x = closed(stage, x, times, duration, free, np.ones(x.shape[1]), fresh=False)
     return Guess(times, _driven(stage, x, times, duration, free, units), duration, free)
+
+
+def _rolls(stage: Stage) -> bool:
+    """Whether positions cannot go all ways."""
+    return stage.functions.space.velocities < stage.functions.space.nq - len(stage.quaternions)
+
+
+def _turn(
+    stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, free: np.ndarray, sought: np.ndarray, around: int
+) -> None:
+    """Puts quaternions into states (n, nx) that turn on from their spins at both ends, or the long way."""
+    nq, nv = stage.functions.space.nq, stage.functions.space.velocities
+    rates = list[np.ndarray]()
+    for k in (0, -1):
+        still = np.concatenate([x[k, :nq], np.zeros(nv), x[k, nq + nv :]])
+        drift, matrix = (np.array(part) for part in stage.moving(_arguments(stage, still, duration, free), [times[k], 0.0]))
+        rates.append(drift[:, 0] + matrix @ x[k, nq : nq + nv])
+    for n, places in enumerate(stage.quaternions):
+        first, last = x[0, places], x[-1, places]
+        w0, w1 = (2 * product(x[k, places] * [1, -1, -1, -1], rates[k][places])[1:] for k in (0, -1))
+        if n == around or spins(w0, duration) or spins(w1, duration):
+            told = bool(sought[places].any())
+            x[:, places] = turning_path((first, last), (w0, w1), duration, times, told=told, around=n == around)
 
 
 def _arguments(stage: Stage, x: np.ndarray, duration: float, free: np.ndarray) -> np.ndarray:
@@ -120,7 +148,7 @@ def _moving(
     """
     nq, nv = stage.functions.space.nq, stage.functions.space.velocities
     slope = np.gradient(x[:, :nq], t, axis=0) if t.size > 1 else np.zeros((1, nq))
-    rolls = nv < nq - len(stage.quaternions)
+    rolls = _rolls(stage)
     weight = np.where(sought[:nq] | (not rolls), 1.0, _HELD)
     found = x.copy()
 

@@ -368,8 +368,9 @@ class OptimalControl:
         units: np.ndarray,
         bend: np.ndarray | float,
         duration: float | None = None,
+        around: int = -1,
     ) -> Guess:
-        """A smooth path, with its positions off by `bend` (times, nq), in this time [s] or as long as is guessed."""
+        """A smooth path, with its positions off by `bend` (times, nq), in this time [s] or as long as is guessed; `around`: the quaternion that turns the long way."""
         return path_guess(
             stage,
             stops,
@@ -380,6 +381,7 @@ class OptimalControl:
             turned=self.by_state(self._turns or {}) != 0,
             sought=self._sought(stage, stops[0][1], units),
             bend=bend,
+            around=around,
         )
 
     def _sought(self, stage: Stage, x: np.ndarray, units: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from acausal.numerics.folding import folded_function
 from acausal.optimal_control.asked import Asked
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.stage import Stage
+from acausal.optimal_control.turning import FAR, short_way
 from acausal.optimal_control.whole import Part
 
 _FAR = 0.3
@@ -54,10 +55,22 @@ def other_guesses(part: Part, count: int) -> list[list[Other]]:
         return [[functools.partial(_mirrored, first), *(_made(bent, one, None) for one in ways)][:count], *others]
     own = _natural(stage, first, part.units, part.mesh.intervals)[:count]
     swings = own, _any(stage, first, part.units, min(count, _ANY))
-    return [[_made(bent, one, None) for one in bends] for bends in swings] + others
+    natural, anyhow = ([_made(bent, one, None) for one in bends] for bends in swings)
+    return [[*_the_long_way(bent, stage, first), *natural][:count], anyhow, *others]
 
 
-def _made(bent: Callable[[np.ndarray | float, float | None], Guess], bend: np.ndarray | float, time: float | None) -> Other:
+def _the_long_way(bent: Callable[..., Guess], stage: Stage, first: Guess) -> list[Other]:
+    """Of each body by itself that turns far: what it has to turn is the same either way round, and what is best of it shows only then. The farthest first."""
+    ways = [short_way(first.values[0, places], first.values[-1, places]) for places in stage.quaternions]
+    far = sorted((k for k, angle in enumerate(ways) if angle > FAR), key=lambda k: -ways[k])
+    return [functools.partial(_around, bent, k) for k in far]
+
+
+def _around(bent: Callable[..., Guess], quaternion: int, _: Guess) -> Guess:
+    return bent(0.0, None, quaternion)
+
+
+def _made(bent: Callable[..., Guess], bend: np.ndarray | float, time: float | None) -> Other:
     """Whatever was found."""
     return lambda _: bent(bend, time)
 

@@ -23,7 +23,8 @@ _SAME = 1e-9
 @dataclass(frozen=True, eq=False)
 class Part:
     """A phase as it is `asked` of a `model`, on a mesh, with a guess. `units` (width,): what is much for each unknown of a point; `given`: arguments of
-    `simulate`; `bent`: the guess with its positions off by so much (times, nq), in so much time [s] (None: as the guess), None where a motion was given.
+    `simulate`; `bent`: the guess with its positions off by so much (times, nq), in so much time [s] (None: as the guess), this quaternion the long way round; None where a
+    motion was given.
     """
 
     model: Any
@@ -32,7 +33,7 @@ class Part:
     guess: Guess
     units: np.ndarray
     given: Mapping[str, Any]
-    bent: Callable[[np.ndarray | float, float | None], Guess] | None
+    bent: Callable[..., Guess] | None
 
 
 @dataclass(frozen=True, eq=False)
