@@ -895,6 +895,12 @@ def test_a_periodic_motion_ends_as_it_began() -> None:
         (lambda s, m: ac.OptimalControl(m, ac.free(2, 1)), "lower bound must be below"),
         (lambda s, m: ac.OptimalControl(m, 1.0).bound(s.force, 3, -3), "which cross"),
         (lambda s, m: ac.OptimalControl(m, 1.0).minimise(s.force**2), "ac.integral"),
+        (lambda s, m: ac.OptimalControl(m, ac.free(cast(Any, "a"), 1)), "give numbers, ac.free"),
+        (lambda s, m: ac.integral(cast(Any, "force")), r"integral: 'force' is no expression\. Write it .* ac\.integral\(scene"),
+        (lambda s, m: ac.at_end(cast(Any, None)), "at_end: None is no expression"),
+        (lambda s, m: ac.average(cast(Any, ac.integral(1.0))), "is no expression"),
+        (lambda s, m: ac.integral(s.force) ** 2, "no function of them"),
+        (lambda s, m: ac.integral(s.force) + cast(Any, "a"), "must be a finite number, not 'a'"),
         (lambda s, m: ac.OptimalControl(m, 1.0).optimise(s.force, 0, 1), "is no parameter"),
         (lambda s, m: ac.OptimalControl(m, 1.0).at(1.5, {s.rail.q: 0}), "between 0 and 1"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(solver="snopt"), "no solver 'snopt'"),
@@ -975,6 +981,13 @@ def test_a_bound_holds_at_a_start_that_is_free() -> None:
     ocp.end({scene.rail.q: 0.0})
     ocp.minimise(-ac.at_start(scene.rail.q))
     assert ocp.solve(5).x[0, 0] == pytest.approx(1.0, abs=1e-8)
+
+
+def test_numbers_and_sums_of_costs_are_costs() -> None:
+    scene = Sledge()
+    ocp = rest_to_rest(ac.build(scene), scene, 2.0)
+    ocp.minimise(3 - (2 - sum([ac.integral(scene.force**2), ac.at_end(2 * scene.rail.q), 1.5])))
+    assert ocp.solve(4).cost == pytest.approx(3 - 2 + 12 / 2**3 + 2 + 1.5, rel=1e-8)
 
 
 def test_an_integral_is_bounded() -> None:

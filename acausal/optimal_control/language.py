@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from typing import Any
+
+import numpy as np
 
 from acausal.arguments import finite
 from acausal.errors import OptionError
@@ -15,7 +18,7 @@ Integrand = Expression | float
 class Cost:
     """A sum of integrals and averages over the motion and of values at its ends; `duration`: times the length of the motion [s].
 
-    Made by `integral`, `average`, `at_start`, `at_end` and a problem's `duration`; costs add up, and can be multiplied by numbers.
+    Made by `integral`, `average`, `at_start`, `at_end` and a problem's `duration`; costs and numbers add up, and can be multiplied by numbers.
     """
 
     integrals: tuple[Integrand, ...] = ()
@@ -24,13 +27,22 @@ class Cost:
     ends: tuple[Integrand, ...] = ()
     duration: float = field(default=0.0)
 
-    def __add__(self, other: Cost) -> Cost:
+    def __add__(self, other: Cost | float) -> Cost:
+        if not isinstance(other, Cost):
+            return self + Cost(ends=(finite(other, "What is added to a cost, beside ac.integral, ac.at_end and such,"),))
         return Cost(
             self.integrals + other.integrals,
             self.averages + other.averages,
             self.starts + other.starts,
             self.ends + other.ends,
             self.duration + other.duration,
+        )
+
+    __radd__ = __add__
+
+    def __pow__(self, power: object) -> Cost:
+        raise OptionError(
+            "A cost is a sum of integrals and of values at the ends, and no function of them. Take the power of what is integrated: ac.integral(scene.force**2)."
         )
 
     def __mul__(self, factor: float) -> Cost:
@@ -43,8 +55,11 @@ class Cost:
     def __neg__(self) -> Cost:
         return self * -1.0
 
-    def __sub__(self, other: Cost) -> Cost:
-        return self + -other
+    def __sub__(self, other: Cost | float) -> Cost:
+        return self + -1.0 * other
+
+    def __rsub__(self, other: float) -> Cost:
+        return other + -self
 
     def __truediv__(self, divisor: float) -> Cost:
         return self * (1.0 / finite(divisor, "The divisor of a cost"))
@@ -52,22 +67,32 @@ class Cost:
 
 def integral(integrand: Integrand) -> Cost:
     """Over the whole motion, by time [unit of the integrand times s]."""
-    return Cost(integrals=(integrand,))
+    return Cost(integrals=(_checked(integrand, "integral"),))
 
 
 def average(integrand: Integrand) -> Cost:
     """The integral divided by the length of the motion [unit of the integrand]."""
-    return Cost(averages=(integrand,))
+    return Cost(averages=(_checked(integrand, "average"),))
 
 
 def at_start(value: Integrand) -> Cost:
     """The value of an expression of positions and velocities at the beginning of the motion."""
-    return Cost(starts=(value,))
+    return Cost(starts=(_checked(value, "at_start"),))
 
 
 def at_end(value: Integrand) -> Cost:
     """The value of an expression at the end of the motion."""
-    return Cost(ends=(value,))
+    return Cost(ends=(_checked(value, "at_end"),))
+
+
+def _checked(given: Any, what: str) -> Integrand:
+    if isinstance(given, Expression):
+        return given
+    if isinstance(given, Cost) or not isinstance(given, int | float | np.number):
+        raise OptionError(
+            f"{what}: {given!r} is no expression. Write it in variables of the scene, ac.{what}(scene.force**2), or as a number."
+        )
+    return finite(given, what)
 
 
 @dataclass(frozen=True)
@@ -79,7 +104,12 @@ class free:
     guess: float | None = None
 
     def checked(self, what: str) -> free:
-        """Itself, with a guess. Raises `OptionError` where the bounds cross or leave the guess out."""
+        """Itself, with a guess. Raises `OptionError` where the bounds cross or leave the guess out, and for what are no numbers."""
+        for one in (self.lower, self.upper, *(() if self.guess is None else (self.guess,))):
+            if isinstance(one, bool) or not isinstance(one, int | float | np.number):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+                raise OptionError(
+                    f"{what} is free between {self.lower!r} and {self.upper!r}: give numbers, ac.free(lower, upper, guess)."
+                )
         if not self.lower < self.upper:
             raise OptionError(
                 f"{what} is free between {self.lower:g} and {self.upper:g}: the lower bound must be below the upper one."
