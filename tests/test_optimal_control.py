@@ -355,6 +355,34 @@ def test_a_least_time_that_small_errors_change_much_says_so(order: int, interval
     assert best.defect < 1e-6 and best.violation < 1e-6
 
 
+class Lag(ac.Component):
+    """Follows an input by and by."""
+
+    y = ac.Variable("K", "temperature")
+
+    def __init__(self, wanted: ac.Input, time: float) -> None:
+        self.wanted, self.time = wanted, time
+
+    def equations(self) -> Iterator[ac.Equation]:
+        yield ac.equal(self.time * ac.der(self.y), self.wanted - self.y)
+
+
+@pytest.mark.parametrize(("time", "most"), [(0.01, 5.0), (0.02, 1.5), (0.003, 4.0)])
+def test_a_mesh_that_misses_what_is_fast_says_what_its_cost_is_worth(time: float, most: float) -> None:
+    """What follows an input comes to 1 by full power, and stays: the first points of a coarse mesh come later than that."""
+    scene = ac.System()
+    scene.wanted = ac.Input("K")
+    scene.lag = Lag(scene.wanted, time)
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.lag.y: 0.0})
+    ocp.bound(scene.wanted, -most, most)
+    ocp.minimise(ac.integral((scene.lag.y - 1) ** 2))
+    best = ocp.solve(10, refinements=0)
+    off = np.log(most / (most - 1)), 1 / most  # in these times; what is left of the exponential then is 1 - 1 / most
+    least = time * ((1 - most) ** 2 * off[0] + 2 * (1 - most) * most * off[1] + most**2 * (1 - (1 - 1 / most) ** 2) / 2)
+    assert 1e-5 < abs(best.cost - least) < best.cost_error
+
+
 def test_a_least_time_that_is_nearly_solved_says_how_far_it_is() -> None:
     """From six times as far as the force holds the spring: three half swings, where finer meshes are solved to fewer digits."""
     scene = Oscillator()
@@ -375,7 +403,9 @@ def test_a_search_that_would_cost_too_much_gives_what_it_has(monkeypatch: pytest
     ocp.minimise(ocp.duration)
     exact, whole_search = np.sqrt(3.0), ocp.solve(5)
     monkeypatch.setattr(solving, "_DEAR", 1)
-    brief = ocp.solve(5)
+    with pytest.warns(AccuracyWarning, match="Between the points of the mesh bounds are left: force by"):
+        brief = ocp.solve(5)
+    assert f"bounds are left by {brief.violation:.1e} between points" in str(brief)
     assert brief.iterations < whole_search.iterations
     assert abs(whole_search.duration - exact) < 1e-6 < abs(brief.duration - exact) < brief.cost_error < 0.1
 
@@ -1132,6 +1162,24 @@ def test_a_controller_holds_the_pole_up(solver: str) -> None:
     assert control.best.iterations < 12
     with pytest.raises(OptionError, match="give 4 finite states"):
         control([0.0, np.nan, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("solver", ["ipopt", "piqp"])
+def test_a_controller_says_which_state_is_beyond_its_bounds_and_goes_on(solver: str) -> None:
+    """From states from which there is no motion; the plan before is not lost then."""
+    scene = Sledge()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.rail.q: 0.3})
+    ocp.bound(scene.force, -5, 5)
+    ocp.bound(scene.rail.q, -0.5, 0.5)
+    ocp.minimise(ac.integral(scene.rail.q**2 + 0.01 * scene.force**2))
+    control, fresh = (ocp.controller(0.05, 6, solver=solver) for _ in range(2))
+    assert control([0.3, 0.0]) == pytest.approx(fresh([0.3, 0.0]))
+    with pytest.raises(
+        OptimalControlError, match=r"rail\.q is 0\.6 at the start, but is bounded to between -0\.5 and 0\.5 .* let the cost"
+    ):
+        control([0.6, 0.0])
+    assert control([0.29, -0.1]) == pytest.approx(fresh([0.29, -0.1]), rel=1e-5)
 
 
 def test_one_step_at_a_time_comes_to_what_is_best() -> None:

@@ -95,16 +95,23 @@ def _check_pair(limits: Limits, own: Limits, at: float | None) -> None:
 
 def _check_start(asked: Asked, limits: Limits, first: Guess) -> None:
     """Of states alone: all else may change at once."""
+    assert asked.start is not None
+    for words in outside_at_start(asked, limits, asked.start, first):
+        raise OptionError(f"{words} Start elsewhere, or move the bound.")
+
+
+def outside_at_start(asked: Asked, limits: Limits, x: np.ndarray, first: Guess) -> list[str]:
+    """In words, which entries of what states alone tell are beyond their bounds at the start x (nx,)."""
     stage = asked.stage
     value = stage.put(limits.value)
     states = {stage.functions.space.x[k].element_hash() for k in range(stage.sizes[0])}
     if not value.numel() or any(s.element_hash() not in states for s in ca.symvar(value)):
-        return
+        return []
     z = np.concatenate([first.values[0], [first.duration], first.free])
-    z[: stage.sizes[0]] = asked.start
+    z[: stage.sizes[0]] = x
     found = np.array(ca.Function("value", [stage.unknowns, stage.data], [value])(z, [0.0, 0.0])).ravel()
-    for r, one in enumerate(found.tolist()):
-        if limits.outside(one, r):
-            raise OptionError(
-                f"{limits.entry(r)} is {one:.6g} at the start, but is bounded to {limits.range(r)} all the time. Start elsewhere, or move the bound."
-            )
+    return [
+        f"{limits.entry(r)} is {one:.6g} at the start, but is bounded to {limits.range(r)} all the time."
+        for r, one in enumerate(found.tolist())
+        if limits.outside(one, r)
+    ]

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import OptimalControlError, OptionError
+from acausal.optimal_control.checks import outside_at_start
 from acausal.optimal_control.failing import REASONS
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.mesh import through
@@ -89,15 +90,25 @@ class Controller:
         solver = self._first
         if self._multipliers is not None:
             solver, more = self._again, {"lam_x0": self._multipliers[0], "lam_g0": self._multipliers[1]}
-        found = solver(x0=np.clip(guess, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper, **more)
-        stats = solver.stats()
-        self._w, self._iterations = np.array(found["x"]).ravel(), int(stats["iter_count"])
-        if not stats["success"]:
-            raise OptimalControlError(
-                f"No motion was found from the states {state}: {REASONS.get(stats['return_status'], stats['return_status'])}.",
-                self.best,
-            )
-        self._multipliers = (found["lam_x"], found["lam_g"])
+        given: dict[str, Any] = {"x0": np.clip(guess, least, most), "lbx": least, "ubx": most, "lbg": lower, "ubg": upper}
+        found, stats = solver(**given, **more), solver.stats()
+        if not stats["success"] and self._multipliers is not None:  # what pressed before says nothing here
+            found, solver = self._first(**given), self._first
+            stats = solver.stats()
+        w, iterations = np.array(found["x"]).ravel(), int(stats["iter_count"])
+        if not stats["success"]:  # the plan before goes on
+            self._multipliers = None
+            failed = self._planned.again(w, float(found["f"]) * program.unit, iterations, np.full(program.rows, np.nan))
+            raise OptimalControlError(self._failure(state, stats["return_status"]), failed)
+        self._w, self._iterations, self._multipliers = w, iterations, (found["lam_x"], found["lam_g"])
+
+    def _failure(self, state: np.ndarray, status: str) -> str:
+        asked, motion = self._planned.transcribed.asked, self._planned.motion
+        beyond = [words for limits in asked.path for words in outside_at_start(asked, limits, state, motion)]
+        return (
+            f"No motion was found from the states {state}: {REASONS.get(status, status)}. {' '.join(beyond)}{' ' if beyond else ''}"
+            "Where disturbances may carry states beyond their bounds, let the cost keep them inside: ac.integral(1e3 * scene.rail.q**2); and ask for less at the end, or in more time."
+        )
 
     def _shifted(self, state: np.ndarray) -> Guess:
         """The plan before, later by the rate, and with its end held."""

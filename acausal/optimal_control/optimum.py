@@ -34,6 +34,8 @@ _LEFT, _CLEAR = 1.25, 1e-3
 an input cannot jump within an interval."""
 _LITTLE = 1e-3
 """Of the unit of the cost: what integrals are measured by that are less."""
+_TOLD = 1e-6
+"""Of what is bounded: by how much bounds are left, where that is told."""
 _DIGITS = 1e-8
 """Of what a state is: it does not vary by less, beside rounding."""
 
@@ -296,6 +298,15 @@ class Optimum:
             found = np.maximum(found, np.max(off / limits.sizes(self._dense(limits.value))[:, None], axis=0, initial=0.0))
         return np.max(found.reshape(self.mesh.intervals, -1), axis=1)
 
+    @property
+    def left_most(self) -> tuple[str, float]:
+        """What leaves its bounds most between points, relative to what it is at most: its name, and by how much in its own unit."""
+        found = list[tuple[float, str, float]]()
+        for limits, off in self._excesses:
+            relative = np.max(off / limits.sizes(self._dense(limits.value))[:, None], initial=0.0)
+            found.append((float(relative), limits.name, float(np.max(off, initial=0.0))))
+        return max(found)[1:]
+
     @functools.cached_property
     def _excesses(self) -> list[tuple[Limits, np.ndarray]]:
         return [
@@ -329,7 +340,7 @@ class Optimum:
     @property
     def cost_error(self) -> float:
         """About how far the cost is from the least one: from that on the same nodes with more points between them, which is searched for when this is asked; from
-        that with other nodes, the sum of `gains`; and from that of the program, its `gap`. A switch between two nodes shows here, and not in the `defect`. Infinite where
+        that with other nodes, the sum of `gains`; from that of the program, its `gap`; and from `true_cost`. A switch between two nodes shows here, and not in the `defect`. Infinite where
         nothing is found with more points; NaN for plans of a controller.
         """
         if self.sharper is None:
@@ -339,8 +350,9 @@ class Optimum:
 
     @property
     def unsettled(self) -> float:
-        """What nodes and the solver's tolerance leave of the cost."""
-        return float(np.sum(self.gains)) + self.gap
+        """What nodes and the solver's tolerance leave of the cost, and by how much the points of the mesh say another one than simulation."""
+        lie = abs(self.true_cost - self.cost)
+        return float(np.sum(self.gains)) + self.gap + (lie if np.isfinite(lie) else np.inf)
 
     @property
     def defect(self) -> float:
@@ -402,7 +414,8 @@ class Optimum:
         found = "".join(
             f", {p.name} = {value:g}" for p, value in self.parameters.items() if p in self.transcribed.asked.stage.free
         )
+        left = f"; bounds are left by {self.violation:.1e} between points" if self.violation > _TOLD else ""
         return (
             f"cost {self.cost:.10g} (to {self.cost_error:.0e}) in {self.duration:g} s{found}: {self.iterations} iterations, {self.seconds:.2f} s, {self.mesh.intervals} intervals; "
-            f"replayed to {self.replay_error:.1e} (each interval to {self.defect:.1e}, errors grow {self.growth:.1e} times)"
+            f"replayed to {self.replay_error:.1e} (each interval to {self.defect:.1e}, errors grow {self.growth:.1e} times){left}"
         )

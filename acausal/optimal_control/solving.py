@@ -64,6 +64,8 @@ def best_of(
             found = now if last is None or now.off <= max(last.off, COARSE) else last
             if found.off > max(tolerance, COARSE) and refinements > 0:
                 _warn_coarse(found, tolerance)
+            elif _unseen(found.phases) > COARSE and refinements > 0:
+                _warn_of_bounds(found)
             return searches.found(found)
         now, last = searches.again(now, meshes), now
 
@@ -77,6 +79,22 @@ def _warn_coarse(attempt: Attempt, tolerance: float, more: str = "") -> None:
     )
 
 
+def _warn_of_bounds(attempt: Attempt) -> None:
+    worst = max(attempt.phases, key=lambda one: float(np.max(one.excesses, initial=0.0)))
+    name, off = worst.left_most
+    warnings.warn(
+        f"Between the points of the mesh bounds are left: {name} by {off:.3g}, by {_unseen(attempt.phases):.1e} of what it is at most. "
+        "Begin with more intervals, or allow more refinements; look at best.violations.",
+        AccuracyWarning,
+        stacklevel=4,
+    )
+
+
+def _unseen(phases: Sequence[Optimum]) -> float:
+    """By how much bounds are left between points, at most, relative to what is bounded."""
+    return max(float(np.max(one.excesses, initial=0.0)) for one in phases)
+
+
 def _dear(searches: Searches, now: Attempt, meshes: Sequence[Mesh], refinements: int) -> bool:
     """Whether what was found says itself how good it is, and to find it on these meshes, too, would cost more than what is spent on so many."""
     pieces = sum(one.intervals for one in meshes) / sum(one.mesh.intervals for one in now.phases)
@@ -87,7 +105,7 @@ def _loosened(phases: Sequence[Optimum], tolerance: float) -> list[Mesh] | None:
     """Meshes whose nodes are loose where the cost would gain by that, as beside a switch, and on which bounds hold between the points; None where it is as good as
     asked for.
     """
-    unseen = max(float(np.max(one.excesses, initial=0.0)) for one in phases)
+    unseen = _unseen(phases)
     gains = [one.gains * one.switching for one in phases]
     good = sum(float(np.sum(own)) for own in gains) <= tolerance * abs(sum(one.cost for one in phases))
     if good and unseen <= tolerance:
