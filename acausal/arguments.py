@@ -85,7 +85,7 @@ def ascending(value: Any, what: str, least: int = 2) -> np.ndarray:
     except (TypeError, ValueError, OverflowError):
         times = np.zeros(0)
     if times.size < least or not np.isfinite(times).all() or np.any(np.diff(times) <= 0):
-        raise OptionError(f"{what} are {value!r}; give at least {'two ascending times' if least == 2 else 'one time'} [s].")
+        raise OptionError(f"{what} are {value!r}; give {'two' if least == 2 else 'one'} or more ascending times [s].")
     return times
 
 
