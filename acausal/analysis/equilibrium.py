@@ -282,7 +282,8 @@ def _let_down(functions: Functions, given: Unknowns, search: NearestRoot, x_dot:
     """Where the scene sinks from its start through honey: along the accelerations from rest, in steps that what is stiff does not shorten.
 
     Linearly implicit Euler, longer and longer where it goes on as it went, with slopes that push away taken as if they held back, so that it never climbs:
-    C. T. Kelley, D. E. Keyes, Convergence analysis of pseudo-transient continuation, SIAM J. Numer. Anal. 35 (1998).
+    C. T. Kelley, D. E. Keyes, Convergence analysis of pseudo-transient continuation, SIAM J. Numer. Anal. 35 (1998). The start itself, where it is pushed
+    more and more, as into the centre of a field.
     """
     s = functions.outputs.system
     q, v = slice(0, s.nq), slice(s.nq, s.nq + s.tree_velocities)
@@ -291,11 +292,13 @@ def _let_down(functions: Functions, given: Unknowns, search: NearestRoot, x_dot:
     rates = Differentiable(s, ca.densify(s.mechanics.tree.rates))
     z, stride, before, longer, sizes = given.z.copy(), _SINK, np.zeros(s.tree_velocities), 1.0, search.scale[v]
     z[v] = 0.0
+    start, pushes = z.copy(), list[float]()
     moving = np.zeros((s.x.numel(), s.tree_velocities))
     moving[v] = np.diag(sizes)
     for _ in range(_SINKING):
         at = given.at(z)
         push = x_dot.value(at)[v] / sizes
+        pushes.append(float(np.linalg.norm(push)))
         if not np.isfinite(push).all():
             break
         turned = push @ before < 0
@@ -319,7 +322,7 @@ def _let_down(functions: Functions, given: Unknowns, search: NearestRoot, x_dot:
         if not found.converged:
             break
         z[q] = found.z[q]
-    return z
+    return z if len(pushes) < 2 or pushes[-1] < max(pushes[:-1]) else start
 
 
 def _held_back(slope: np.ndarray, push: np.ndarray, time: float) -> np.ndarray:

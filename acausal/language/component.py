@@ -255,7 +255,7 @@ def check_compatible(a: object, b: object) -> None:
     for end in (a, b):
         if not isinstance(end, Connector):
             hint = (
-                " Connect one of its connectors: " + ", ".join(c.name for c in end.connectors()) + "."
+                " Connect one of its connectors: " + ", ".join(dict.fromkeys(c.name for c in end.connectors())) + "."
                 if isinstance(end, Component)
                 else ""
             )
