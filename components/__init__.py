@@ -12,8 +12,8 @@ PID, Limiter, Relay, Thermostat, SampleAndHold, RotationSensor, TranslationSenso
 RelativeRotationSensor, Accelerometer, Gyro, SignalTorque, SignalForce.
 """
 
-from acausal.language.component import Component
-from acausal.language.construction import checked_arguments
+from acausal.language import component as _component
+from acausal.language import construction as _construction
 from components.amplifier import OperationalAmplifier
 from components.belt import Belt, ElasticBelt, SlippingBelt, StiffBelt
 from components.bodies import Fixed, Particle, RigidBody
@@ -316,5 +316,5 @@ __all__ = [
 ]
 
 for _kind in map(globals().__getitem__, __all__):  # shapes, curves and laws are no parts, whose arguments are checked anyway
-    if not issubclass(_kind, Component):
-        checked_arguments(_kind)
+    if not issubclass(_kind, _component.Component):
+        _construction.checked_arguments(_kind)
