@@ -7,7 +7,7 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import quad
+from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 from scipy.special import ellipk
@@ -280,6 +280,98 @@ def test_two_particles_on_a_rope_through_a_hole(restitution: float) -> None:
     impulse = (1 + restitution) * opening / (1 / m + 1 / M)
     assert run[p.velocity][-1] == pytest.approx(v - impulse / m * away, abs=STATE)
     assert run[q.velocity][-1] == pytest.approx([0, 0, w + impulse / M], abs=STATE)
+
+
+def hangs(
+    m: np.ndarray, p: np.ndarray, v: np.ndarray, slack: float, e: float
+) -> tuple[list[float], tuple[np.ndarray, np.ndarray]]:
+    """When a rope over an eyelet at the origin tightens, until two particles hang on it, and where they and their velocities are then."""
+    g, t, instants = np.array([0, 0, -G]), 0.0, []
+
+    def opening(s: float) -> float:  # its mean speed in a time s, without differences of lengths
+        grown = 2 * np.sum(p * v, axis=1) + s * (np.sum(v * v, axis=1) + p @ g) + s * s * (v @ g) + s**3 / 4 * (g @ g)
+        return slack / s - np.sum(grown / (np.linalg.norm(p + s * v + s * s / 2 * g, axis=1) + np.linalg.norm(p, axis=1)))
+
+    while True:
+        lengths = np.linalg.norm(p, axis=1)
+        along = np.sum(p * v, axis=1) / lengths
+        s = 1e-3
+        if instants:
+            s = -np.sum(along) / np.sum((np.sum(v * v, axis=1) - along**2 + p @ g) / lengths)
+            if 0 < s < 1e-14:
+                return instants, (p, v)
+            s = s / 4 if s > 0 else 1e-3
+        while opening(s) > 0:
+            s *= 1.1
+        s = brentq(opening, s / 1.1, s, xtol=1e-300, rtol=1e-15)
+        p, v, t, slack = p + s * v + s * s / 2 * g, v + s * g, t + s, 0.0
+        instants.append(t)
+        away = p / np.linalg.norm(p, axis=1)[:, None]
+        v = v - ((1 + e) * np.sum(away * v) / np.sum(1 / m) / m)[:, None] * away
+
+
+class RopeOverAnEyelet(ac.System):
+    """Two particles that are thrown, with numbers drawn, and what becomes of them: parabolas, jerks, then they hang on one another."""
+
+    def __init__(self, seed: int, restitution: float) -> None:
+        draw = np.random.default_rng(seed)
+        self.masses, self.places = 10 ** draw.uniform(-1, 1, 2), draw.normal(size=(2, 3))
+        self.places[:, 2] = -1 - np.abs(self.places[:, 2])
+        self.speeds, self.slack = draw.normal(size=(2, 3)), draw.uniform(0.01, 0.5)
+        length = float(np.sum(np.linalg.norm(self.places, axis=1)) + self.slack)
+        self.bounce, self.restitution, self.length = restitution, ac.Parameter(restitution), ac.Parameter(length, "m")
+        self.world, self.a, self.b = World(), Particle(self.masses[0]), Particle(self.masses[1])
+        self.rope = Rope(self.length, self.restitution, over=[self.world.at((0, 0, 0))])
+        self.connect(self.a.point, self.rope.frame_a)
+        self.connect(self.b.point, self.rope.frame_b)
+
+    def start(self) -> dict[ac.Expression, np.ndarray]:
+        p, q = self.a.point, self.b.point
+        return dict(zip((p.position, q.position, p.velocity, q.velocity), (*self.places, *self.speeds), strict=True))
+
+    def rates(self, _: float, y: np.ndarray) -> np.ndarray:
+        p, v = y[:6].reshape(2, 3), y[6:].reshape(2, 3)
+        r = np.linalg.norm(p, axis=1)
+        away = p / r[:, None]
+        turns = np.sum(v * v, axis=1) - np.sum(away * v, axis=1) ** 2
+        tension = (np.sum(turns / r) - G * np.sum(away[:, 2])) / np.sum(1 / self.masses)
+        return np.concatenate([v.ravel(), ([0, 0, -G] - away * (tension / self.masses)[:, None]).ravel()])
+
+    def hangs(self, bouncier: float = 0.0, longer: float = 0.0) -> tuple[list[float], np.ndarray]:
+        """When the rope tightens, and places and velocities when it does so for good."""
+        instants, at = hangs(self.masses, self.places, self.speeds, self.slack + longer, self.bounce + bouncier)
+        return instants, np.ravel(at)
+
+    def end(self, later: float, bouncier: float = 0.0, longer: float = 0.0) -> np.ndarray:
+        """Places and velocities after that."""
+        instants, at = self.hangs(bouncier, longer)
+        return solve_ivp(self.rates, (instants[-1], later), at, method="DOP853", rtol=3e-14, atol=1e-16).y[:, -1]
+
+
+@pytest.mark.parametrize(("seed", "restitution"), [(0, 0.1), (2, 0.5), (1, 0.7), (3, 0.9)])
+def test_a_rope_over_an_eyelet_is_taut_after_jerks_without_end(seed: int, restitution: float) -> None:
+    """The instant is known by how jerks are rounded, what comes after it to rounding."""
+    scene = RopeOverAnEyelet(seed, restitution)
+    instants = scene.hangs()[0]
+    later = 1.05 * instants[-1]
+    run = ac.build(scene).simulate(later, scene.start(), rtol=1e-12)
+    assert times(run)[0] == pytest.approx(instants[0], rel=INSTANT)
+    assert run.transitions[-1].time == pytest.approx(instants[-1], abs=5 * INSTANT)
+    end = scene.end(later)
+    found = np.ravel([run[expression][-1] for expression in scene.start()])
+    assert found == pytest.approx(end, abs=1e-12 * np.max(np.abs(end)))
+    assert run.energy_error() < 1e-11
+
+
+@pytest.mark.parametrize(("seed", "restitution"), [(0, 0.1), (2, 0.5)])
+def test_what_hangs_after_jerks_without_end_depends_on_them_as_differences_say(seed: int, restitution: float) -> None:
+    scene, step = RopeOverAnEyelet(seed, restitution), 2e-4
+    later = 1.05 * scene.hangs()[0][-1]
+    found = ac.build(scene).sensitivities([0.0, later], [scene.restitution, scene.length], scene.start(), rtol=1e-12)
+    for column, moved in enumerate(np.eye(2) * step):
+        back, before, after, on = (scene.end(later, *(k * moved)) for k in (-2, -1, 1, 2))
+        told = np.concatenate([found[expression][-1, :, column] for expression in scene.start()])
+        assert told == pytest.approx((back - 8 * before + 8 * after - on) / (12 * step), abs=1e-9)
 
 
 @pytest.mark.parametrize("speed", [1.0, 3.0])

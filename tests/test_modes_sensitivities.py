@@ -325,10 +325,23 @@ def test_impacts_of_a_loop_with_friction_have_the_derivatives_that_differences_s
         assert mine == pytest.approx(shown, rel=1e-8, abs=1e-8)
 
 
-def test_impacts_without_end_are_refused() -> None:
+def test_what_has_come_to_rest_by_impacts_without_end_depends_on_the_floor_alone() -> None:
     scene = Ball(0.3)
-    with pytest.raises(ac.errors.SimulationError, match=r"floor .* comes to rest here by impacts without end"):
-        ac.build(scene).sensitivities([0.0, 2.0], [scene.restitution], {scene.mass.s: 1.0, scene.mass.v: 0.0})
+    wrt = [scene.restitution, scene.mass.s, scene.weight, scene.height]
+    found = ac.build(scene).sensitivities([0.0, 2.0], wrt, {scene.mass.s: 1.0, scene.mass.v: 0.0}, **EXACT)
+    assert found.S[-1] == pytest.approx(np.array([[0, 0, 0, 1], [0, 0, 0, 0]]), abs=1e-12)
+
+
+def test_impacts_without_end_with_friction_are_refused() -> None:
+    scene = ac.System()
+    scene.world, scene.ball = World(), RigidBody.ball(1.0, 0.1)
+    scene.contact = Contact(Sphere(0.1), Plane(), Hard(0.5, Coulomb(0.01)))
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.ball.frame)
+    frame = scene.ball.frame
+    start = {frame.position: (0, 0, 0.3), frame.velocity: (1, 0, 0)}
+    with pytest.raises(ac.errors.SimulationError, match=r"contact\.force_part .* impacts without end, with friction"):
+        ac.build(scene).sensitivities([0.0, 2.0], [frame.velocity], start)
 
 
 @pytest.mark.parametrize(

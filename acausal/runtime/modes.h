@@ -87,6 +87,14 @@ static long beginning_of(const int *program, long results, int *begin) {
     return count;
 }
 
+/* Sizes of T->push and T->status, see room_of. */
+static long doubles_of_room(const Integrator *I) {
+    long n = reactions_of(I), F = frictions_of(I);
+    return 6 * n + 3 * F + F + n * n + 5 * n + 3 * F + F;
+}
+
+static long longs_of_room(const Integrator *I) { return 5 * (reactions_of(I) + frictions_of(I)) + 1; }
+
 static int make_modes(Integrator *I) {
     struct State *T = I->state;
     long n = reactions_of(I), F = frictions_of(I), most = I->one_sided + 2 * F, width = 2 * most + 2;
@@ -106,7 +114,7 @@ static int make_modes(Integrator *I) {
         if (T->decision_begins) beginning_of(I->decision.program, I->one_sided + n, T->decision_begins);
     }
     T->lemke = reserve_doubles(I, most * width + width);
-    T->push = reserve_doubles(I, 6 * n + 3 * F + F + n * n + 5 * n + 3 * F + F);
+    T->push = reserve_doubles(I, doubles_of_room(I));
     T->choice_change = reserve_doubles(I, 2 * n * n + 7 * n);
     T->no_change = reserve_doubles(I, I->decision.outputs);
     T->lifted = reserve_doubles(I, 2 * I->masks + 1);
@@ -115,7 +123,7 @@ static int make_modes(Integrator *I) {
     T->gap_terms = reserve_doubles(I, I->one_sided);
     T->at_rest = reserve_doubles(I, I->one_sided);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
-    T->status = reserve(I, sizeof(long) * (size_t)(5 * (n + F) + 1));
+    T->status = reserve(I, sizeof(long) * (size_t)longs_of_room(I));
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
     return I->counted || (T->decided && T->decided_noise && T->decided_rounds && T->decided_from && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->first_rate && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
 }
@@ -680,6 +688,12 @@ static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
         if (open <= sqrt(FITS) * most) break;
         if (!slides) return; /* what holds is projected */
     }
+    if (I->directions) {
+        memcpy(R.push, R.before, sizeof(double) * (size_t)n);
+        memset(T->impulse_change, 0, sizeof(double) * (size_t)(2 * n * direction_blocks(I) * LANES));
+        change_phase(I, &p, 0, 0);
+        strike_directions(I, D, R.before);
+    }
     for (long j = 0; j < n; j++) T->impulse[j] += R.before[j];
     for (long i = 0; i < I->nx; i++)
         for (long j = 0; j < n; j++) I->x[i] += D->J[i * n + j] * R.before[j];
@@ -879,6 +893,19 @@ static void note_sticking(Integrator *I, const Decision *D, Room R) {
         }
 }
 
+/* How hard the impact is that has been decided, as a root of an energy, and how well its instant is known, by rounding of gaps. */
+static void note_strength(Integrator *I, const Decision *D, Room R) {
+    struct State *T = I->state;
+    long at = T->impacts % REMEMBERED;
+    double *size = T->impact_size + at, *noise = T->impact_noise + at;
+    *size = *noise = 0;
+    for (long i = 0; i < D->gaps; i++) {
+        if (!T->struck[at * D->gaps + i]) continue;
+        *size += fabs(T->impulse[i]) * unit_of(D->W[i * (D->n + 1)]);
+        *noise = fmax(*noise, D->gap_noise[i] / (TOUCHES * fabs(R.before[i])));
+    }
+}
+
 /* Gaps that are below zero by more than rounding, at a tolerance that allows for it, are put to zero where they strike or leave, as what holds is: positions are moved, speeds
    stay. 1 where there are such gaps, -1 when the input function failed. */
 static int lift(Integrator *I, Decision *D, Room R) {
@@ -947,6 +974,100 @@ static void bridge_impulses(Integrator *I, const Decision *D, Room R, const long
     for (long j = 0; j < n; j++) T->impulse[j] = isfinite(R.before[j]) ? T->impulse[j] + R.before[j] : 0;
 }
 
+/* Frictions of what comes to rest that have stuck after each of the last impacts stick. */
+static void hold_sticking(const Integrator *I, const Decision *D, Room R) {
+    struct State *T = I->state;
+    for (long f = 0; f < D->frictions; f++)
+        for (long i = 0; i < D->gaps; i++)
+            if (T->rests[i] && D->slide_by[f * D->n + i] != 0 && T->sticks[f] >= FEWEST) R.touching[D->gaps + f] = 1;
+}
+
+/* The motion in the mode that has been set until a time, from x on, into `end`; by as many steps of Kutta's method as it takes to know it to rounding. 1 if it is, -1 when the input
+   function failed. */
+static int go_on(Integrator *I, const double *x, double until, double *end) {
+    struct State *T = I->state;
+    long n = I->nx;
+    double *k = T->later_x, *sum = end + n, *at = sum + n, *last = at + n;
+    for (int steps = 1; steps <= 64; steps *= 2) {
+        double h = (until - I->t) / steps, left = 0;
+        memcpy(last, end, sizeof(double) * (size_t)n);
+        memcpy(end, x, sizeof(double) * (size_t)n);
+        for (int step = 0; step < steps; step++) {
+            static const double part[] = {0, 0.5, 0.5, 1}, weight[] = {1. / 6, 1. / 3, 1. / 3, 1. / 6};
+            for (long i = 0; i < n; i++) k[i] = sum[i] = 0;
+            for (int stage = 0; stage < 4; stage++) {
+                for (long i = 0; i < n; i++) at[i] = end[i] + part[stage] * h * k[i];
+                if (!rate_at(I, I->t + (step + part[stage]) * h, at, k)) return -1;
+                for (long i = 0; i < n; i++) sum[i] += weight[stage] * h * k[i];
+            }
+            for (long i = 0; i < n; i++) end[i] += sum[i];
+        }
+        for (long i = 0; i < n; i++) left = fmax(left, T->size[i] > 0 ? fabs(end[i] - last[i]) / T->size[i] : 0);
+        if (steps > 1 && left <= 8 * EPS) return 1;
+    }
+    return 0;
+}
+
+/* Whether reactions act the same way in all of the impacts that come to rest: no friction turns in between, or depends on them. */
+static int act_alike(const Integrator *I, const Decision *D) {
+    const struct State *T = I->state;
+    int alike = 1;
+    for (long k = 0; k < FEWEST && alike; k++) alike = T->impact_after[(T->impacts - 1 - k) % REMEMBERED] == 0;
+    for (long f = 0; f < D->frictions; f++)
+        for (long i = 0; i < D->gaps && alike; i++) alike = !(T->rests[i] && D->slide_by[f * D->n + i] != 0);
+    return alike;
+}
+
+/* Where all is when impacts are over, if from the one that has been decided what comes to rest is held: what reactions that act the same way all along pass on until then is the same
+   to second order in that time. Into T->rest_x, wherever they do, or where impacts converge to the same: HELD. Else CONVERGES, if it is known at all, 0 if not; -1 when the input
+   function failed. */
+enum { CONVERGES = 1, HELD };
+
+
+static int go_on_held(Integrator *I, Room R, double planned) {
+    struct State *T = I->state;
+    Decision D;
+    long n = I->nx, directions = I->directions;
+    double *end = T->held, *x = end + 4 * n, *size = x + n, *side = size + n, *impulse = side + I->masks, *room = impulse + reactions_of(I);
+    I->directions = 0;
+    memcpy(x, I->x, sizeof(double) * (size_t)n);
+    memcpy(size, T->size, sizeof(double) * (size_t)n);
+    memcpy(side, T->side, sizeof(double) * (size_t)I->masks);
+    memcpy(impulse, T->impulse, sizeof(double) * (size_t)reactions_of(I));
+    memcpy(room, T->push, sizeof(double) * (size_t)doubles_of_room(I));
+    memcpy(T->held_status, T->status, sizeof(long) * (size_t)longs_of_room(I));
+    memset(T->side, 0, sizeof(double) * (size_t)first_discrete(I));
+    int known = decision_at(I, I->t, I->x, &D) ? 1 : -1;
+    if (known > 0) {
+        for (long i = 0; i < D.gaps; i++) R.touching[i] = T->rests[i] ? 2 : R.touching[i];
+        memcpy(R.compressed, D.rate, sizeof(double) * (size_t)D.n);
+        hold_sticking(I, &D, R);
+        end_low_bounces(I, &D, R);
+        known = decision_at(I, I->t, I->x, &D) ? 1 : -1;
+    }
+    if (known > 0) {
+        look_at_slips(I, &D, R, -1, R.compressed);
+        hold_sticking(I, &D, R);
+        enum Code code = decide_accelerations(I, R, planned);
+        known = code == INPUT_FAILED ? -1 : code == REACHED_END;
+    }
+    if (known > 0) {
+        project(I, I->t, I->x);
+        known = go_on(I, I->x, T->rest_t, end);
+    }
+    int alike = known > 0, always = alike && act_alike(I, &D);
+    for (long i = 0; i < n && alike; i++) alike = isfinite(end[i]) && (always || (is_state_foreseen(T) && !(fabs(end[i] - T->rest_x[i]) > AGREES * size[i])));
+    if (alike) memcpy(T->rest_x, end, sizeof(double) * (size_t)n);
+    I->directions = directions;
+    memcpy(I->x, x, sizeof(double) * (size_t)n);
+    memcpy(T->size, size, sizeof(double) * (size_t)n);
+    memcpy(T->side, side, sizeof(double) * (size_t)I->masks);
+    memcpy(T->impulse, impulse, sizeof(double) * (size_t)reactions_of(I));
+    memcpy(T->push, room, sizeof(double) * (size_t)doubles_of_room(I));
+    memcpy(T->status, T->held_status, sizeof(long) * (size_t)longs_of_room(I));
+    return known < 0 ? -1 : alike ? HELD : is_state_foreseen(T) ? CONVERGES : 0;
+}
+
 /* From the impact that has been decided, of this row, to where all that follow it are over; `rate`: after it. What has nothing to do with them keeps its `sides`. */
 static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double planned, const double *sides, const double *rate) {
     struct State *T = I->state;
@@ -967,11 +1088,12 @@ static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double pla
     for (long i = 0; i < D->gaps; i++) R.touching[i] = T->rests[i] ? 2 : R.touching[i];
     if (!decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
     look_at_slips(I, D, R, -1, 0);
+    hold_sticking(I, D, R);
     for (long f = 0; f < D->frictions; f++) { /* so do those at last that have come to rest, whatever is left of their slips */
         int rests = 0;
         for (long i = 0; i < D->gaps; i++) rests |= T->rests[i] && D->slide_by[f * D->n + i] != 0;
         int holds = sides[mask_of(I, f)] == 1 && size_of(D, f, D->rate) <= FORESEEN * slip_noise(D, f); /* what stuck through all of them */
-        if ((rests && T->sticks[f] >= FEWEST) || holds) R.touching[D->gaps + f] = 1;
+        if (holds) R.touching[D->gaps + f] = 1;
         if (rests) T->sticks[f] = 0;
     }
     bridge_impulses(I, D, R, in, h, first, free);
@@ -1014,11 +1136,12 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         if (struck != REACHED_END) return struck;
         for (long i = 0; i < I->nx; i++)
             for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * T->impulse[j];
-        if (I->directions) strike_directions(I, &D);
+        if (I->directions) strike_directions(I, &D, T->impulse);
         memcpy(R.before, D.rate, sizeof(double) * (size_t)n);
         for (long k = 0; k < first_discrete(I); k++) T->side[k] = 0;
         if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
         look_at_slips(I, &D, R, -1, R.before);
+        note_strength(I, &D, R);
     } else {
         note_between(I, row);
     }
@@ -1033,7 +1156,15 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     if (impacts) {
         note_sticking(I, &D, R);
         foresee_rest(I, row < gaps ? row : -1);
-        over = comes_to_rest(I, low) ? meets_nothing_else(I, R) : 0;
+        over = comes_to_rest(I, low);
+        if (over) over = go_on_held(I, R, planned);
+        if (over == HELD && I->directions && (low || act_alike(I, &D))) { /* derivatives are those of what is held from here on */
+            for (long i = 0; i < gaps; i++)
+                if (T->rests[i]) R.touching[i] = 1, leaves[i] = 0;
+            over = 0;
+            low = 1;
+        }
+        if (over > 0) over = meets_nothing_else(I, R);
         if (over < 0) return INPUT_FAILED;
     }
     lifted |= low;
@@ -1048,6 +1179,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         impacts = 0;
     }
     while (!over && low) { /* what does not leave keeps others */
+        if (I->directions && !meet_directions(I, -1, planned)) return INPUT_FAILED;
         end_low_bounces(I, &D, R);
         if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
         look_at_slips(I, &D, R, -1, rate);

@@ -116,7 +116,7 @@ _OF_MODES = {
 }
 
 _OBSTACLES = (
-    "comes to rest here by impacts without end, and derivatives through these are not known. Ask for times before, or let it not bounce at all (restitution 0).",
+    "comes to rest here by impacts without end, with friction, and derivatives through these are not known. Ask for times before, or let it not bounce at all (restitution 0).",
     "strikes by another law than Poisson's, and derivatives through that are not known. Ask for times before, or give its restitution as a number.",
     "brings slips back when it strikes (restitution of Coulomb), and derivatives through that are not known. Ask for times before, or leave that restitution out.",
     "strikes with the friction of a patch, and derivatives through that are not known. Ask for times before, or give friction without a patch.",

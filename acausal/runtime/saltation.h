@@ -238,8 +238,8 @@ static void change_phase(Integrator *I, const Problem *p, int phase, const doubl
     }
 }
 
-/* x jumps by J times the impulses. */
-static void strike_directions(Integrator *I, const Decision *D) {
+/* x jumps by J times these impulses. */
+static void strike_directions(Integrator *I, const Decision *D, const double *impulse) {
     struct State *T = I->state;
     long n = D->n;
     for (long d = 0; d < I->directions; d++) {
@@ -247,7 +247,7 @@ static void strike_directions(Integrator *I, const Decision *D) {
         Decision dD = change_of_decision(I, d);
         for (long i = 0; i < I->nx; i++) {
             double sum = 0;
-            for (long j = 0; j < n; j++) sum += dD.J[i * n + j] * T->impulse[j] + D->J[i * n + j] * (change[j] + change[n + j]);
+            for (long j = 0; j < n; j++) sum += dD.J[i * n + j] * impulse[j] + D->J[i * n + j] * (change[j] + change[n + j]);
             T->D[d / LANES * I->nx + i][d % LANES] += sum;
         }
     }

@@ -187,11 +187,11 @@ struct State {
     double *near_knot; /* gaps, rates and effects of rows just before the last knot */
     double *at_rest;   /* of speeds that must not be negative: accelerations that are nothing, where nothing drives them; 0 elsewhere */
     double *gap_terms; /* sizes of what gaps are made of, as known last: they are rounded to those, however little states move them */
-    double *impact_t, *impact_x, *rest_x; /* of the last impacts; where they end; see zeno.h */
+    double *impact_t, *impact_x, *impact_size, *impact_noise, *rest_x, *held; /* of the last impacts; where they end; see zeno.h */
     char *struck; /* rows in the last impacts */
     double *margin, *blow; /* work, see margin.h and impacts.h */
     unsigned long *impact_after, between;
-    long *basis, *status, *impact_row, *rests, *sticks, *leaves, *margin_rows;
+    long *basis, *status, *impact_row, *rests, *held_status, *sticks, *leaves, *margin_rows;
     struct Thin *thin; /* programs for modes, null: there are none; see thin.h */
     double *side;                   /* of masks, then of switches */
     double *step_by_side;           /* sizes of steps at either side when it was left; 0: not known */
@@ -259,7 +259,7 @@ struct State {
     long stride;             /* of the ends of other steps one in so many is kept; 0: all */
     long transition_room, changes; /* transitions there is room for; changes of mode in this instant */
     Transition last; /* of mode */
-    double changed_at, pending_planned, pace, first_impact, rest_t, rest_error;
+    double changed_at, pending_planned, pace, first_impact, rest_t, rest_t_of_x, rest_error, rest_error_x, rest_doubt, rest_doubt_x;
     int is_decided; /* whether `decided_from` is filled */
     int crossed; /* whether a knot has been crossed since modes were decided */
     int delayed; /* whether it is known how much later the present instant is, direction by direction */

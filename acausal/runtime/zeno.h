@@ -1,8 +1,9 @@
-/* Impacts without end: those of a ball that comes to rest are infinitely many, in a time that is finite. What all of it converges to, time, positions, velocities, is extrapolated
-   from states after impacts, by the epsilon algorithm (Wynn, Mathematical Tables and Other Aids to Computation 10, 1956): from early ones, which are exact. Bounces go on until
-   nearly all of the time is over; the rest is bridged. What changes in between, as friction where what bounces turns round, belongs to the sequence if it changes each time. */
+/* Impacts without end: those of a ball that comes to rest are infinitely many, in a time that is finite. Along them all is a smooth function of how hard they are: when they are over is
+   extrapolated to none (Neville), from those that are so far apart, and so early, that rounding and what the last terms tell are least. Bounces go on until nearly all of the time is over;
+   the rest is bridged. Where reactions act the same way all along, states are then those of what is held from there on; else they are extrapolated, too. What changes in between, as friction
+   where what bounces turns round, belongs to the sequence if it changes each time. */
 
-#define REMEMBERED 32 /* impacts */
+#define REMEMBERED 128 /* impacts */
 #define SEQUENCE 7     /* of a sequence that is extrapolated, at most */
 #define FEWEST 4
 #define PERIODS 4     /* impacts of different rows take turns: so many at most */
@@ -13,36 +14,39 @@ static int make_zeno(Integrator *I) {
     struct State *T = I->state;
     T->impact_t = reserve_doubles(I, REMEMBERED);
     T->impact_x = reserve_doubles(I, REMEMBERED * I->nx);
+    T->impact_size = reserve_doubles(I, REMEMBERED);
+    T->impact_noise = reserve_doubles(I, REMEMBERED);
     T->impact_row = reserve(I, sizeof(long) * REMEMBERED);
     T->impact_after = reserve(I, sizeof(unsigned long) * REMEMBERED);
+    T->held = reserve_doubles(I, 6 * I->nx + I->masks + reactions_of(I) + doubles_of_room(I));
+    T->held_status = reserve(I, sizeof(long) * (size_t)longs_of_room(I));
     T->rest_x = reserve_doubles(I, I->nx + 1);
     T->rests = reserve(I, sizeof(long) * (size_t)(2 * I->one_sided + frictions_of(I) + 1));
     T->sticks = reserve(I, sizeof(long) * (size_t)(I->lines + I->planes + I->patches + 1));
     T->struck = reserve(I, (size_t)(REMEMBERED * I->one_sided + 1));
-    return I->counted || (T->impact_t && T->impact_x && T->impact_row && T->impact_after && T->rest_x && T->rests && T->sticks && T->struck);
+    return I->counted || (T->impact_t && T->impact_x && T->impact_size && T->impact_noise && T->impact_row && T->impact_after && T->held && T->held_status && T->rest_x && T->rests && T->sticks && T->struck);
 }
 
-/* The limit of a sequence of so many values, and by how much the last two guesses differ. */
-static double limit_of_sequence(const double *s, int count, double *error) {
-    double old[SEQUENCE + 1] = {0}, now[SEQUENCE], next[SEQUENCE], best = s[count - 1];
-    memcpy(now, s, sizeof(double) * (size_t)count);
-    *error = fabs(s[count - 1] - s[count - 2]);
-    if (*error == 0) return best;
+/* What values tend to as sizes, of which they are smooth functions, go to zero (Neville), and by how much the last two guesses differ; changes the values. */
+static double limit_of_sequence(const double *size, double *value, int count, double *error) {
+    double best = value[count - 1];
     for (int column = 1; column < count; column++) {
-        int n = count - column;
-        for (int k = 0; k < n; k++) {
-            double difference = now[k + 1] - now[k];
-            if (difference == 0) return best;
-            next[k] = old[k + 1] + 1 / difference;
-        }
-        memcpy(old, now, sizeof now);
-        memcpy(now, next, sizeof now);
-        if (column % 2 == 0 && n > 1 && fabs(now[n - 1] - now[n - 2]) < *error) {
-            *error = fabs(now[n - 1] - now[n - 2]);
-            best = now[n - 1];
-        }
+        for (int k = count - 1; k >= column; k--) value[k] += size[k] / (size[k - column] - size[k]) * (value[k] - value[k - 1]);
+        *error = fabs(value[count - 1] - best);
+        best = value[count - 1];
     }
     return best;
+}
+
+/* What is left in that limit of such errors of the values. */
+static double noise_of_limit(const double *size, const double *noise, int count) {
+    double sum = 0;
+    for (int k = 0; k < count; k++) {
+        double weight = 1;
+        for (int j = 0; j < count; j++) weight *= j == k ? 1 : size[j] / (size[j] - size[k]);
+        sum += fabs(weight) * noise[k];
+    }
+    return sum;
 }
 
 /* A row led to another mode, and nothing struck. */
@@ -50,6 +54,16 @@ static void note_between(Integrator *I, long row) {
     struct State *T = I->state;
     if (row < 0 || row >= first_set(I)) T->impacts = 0;
     T->between = 31 * T->between + (unsigned long)(row + 1);
+}
+
+static void forget_rest(Integrator *I) {
+    struct State *T = I->state;
+    T->rest_error = T->rest_error_x = T->rest_doubt = T->rest_doubt_x = INFINITY;
+}
+
+/* Whether the state, too, that impacts converge to is known, at the instant that they do. */
+static int is_state_foreseen(const struct State *T) {
+    return T->rest_error_x < AGREES && fabs(T->rest_t_of_x - T->rest_t) <= AGREES * (T->rest_t - T->first_impact);
 }
 
 /* Whether two impacts are of the same row, after the same changes of mode. */
@@ -66,35 +80,55 @@ static void note_impact(Integrator *I, long row) {
     T->impact_after[at % REMEMBERED] = T->between;
     memcpy(T->impact_x + at % REMEMBERED * I->nx, I->x, sizeof(double) * (size_t)I->nx);
     for (long period = 1; period <= PERIODS && period <= at; period++) known |= T->impact_after[(at - period) % REMEMBERED] == T->between;
-    if (!known) T->rest_error = INFINITY, T->first_impact = I->t;
+    if (!known) forget_rest(I), T->first_impact = I->t;
     T->between = 0;
+}
+
+/* What so many impacts so far apart, up to the last one, converge to, if to something better than what is known, in time or state; whether it is. What is wrong of an instant is so of
+   all that follow: it shrinks as they do. */
+static int is_foreseen(Integrator *I, long at, long period, long apart, int count) {
+    struct State *T = I->state;
+    long n = I->nx, last[SEQUENCE];
+    double s[SEQUENCE] = {0}, size[SEQUENCE] = {0}, noise[SEQUENCE], error, *x = T->later_x, shrinks = T->impact_size[at % REMEMBERED] / T->impact_size[(at - period) % REMEMBERED];
+    for (int k = 0; k < count; k++) {
+        last[k] = (at - (count - 1 - k) * apart) % REMEMBERED;
+        s[k] = T->impact_t[last[k]] - T->first_impact;
+        size[k] = T->impact_size[last[k]];
+        noise[k] = EPS * fabs(T->impact_t[last[k]]) + T->impact_noise[last[k]] / (1 - shrinks);
+        if (k && !(size[k] < 0.999 * size[k - 1])) return 0;
+    }
+    double now = s[count - 1], rest = limit_of_sequence(size, s, count, &error), doubt = noise_of_limit(size, noise, count) / rest;
+    if (!(rest > now)) return 0;
+    double missed = error / rest, worst = missed;
+    for (long i = 0; i < n; i++) {
+        for (int k = 0; k < count; k++) s[k] = T->impact_x[last[k] * n + i];
+        double left;
+        x[i] = limit_of_sequence(size, s, count, &left);
+        if (T->size[i] > 0) worst = fmax(worst, left / T->size[i]);
+    }
+    if (T->rest_t <= I->t) forget_rest(I); /* of others that are over */
+    int sooner = missed + doubt < T->rest_doubt, better = worst + doubt < T->rest_doubt_x;
+    if (sooner) T->rest_t = T->first_impact + rest, T->rest_error = missed, T->rest_doubt = missed + doubt;
+    if (better) {
+        memcpy(T->rest_x, x, sizeof(double) * (size_t)n);
+        T->rest_t_of_x = T->first_impact + rest;
+        T->rest_error_x = worst;
+        T->rest_doubt_x = worst + doubt;
+    }
+    return sooner || better;
 }
 
 /* After an impact of a row: what the impacts converge to, if they do. */
 static void foresee_rest(Integrator *I, long row) {
     struct State *T = I->state;
-    long n = I->nx, at = T->impacts;
+    long at = T->impacts;
     note_impact(I, row);
     for (long period = 1; period <= PERIODS; period++) {
-        long repeated = 0;
-        while (repeated + period <= at && repeated < (SEQUENCE - 1) * period && are_alike(T, at - repeated, at - repeated - period)) repeated++;
-        int count = (int)(repeated / period) + 1;
-        if (count < FEWEST) continue;
-        double s[SEQUENCE], error, worst = 0;
-        for (int k = 0; k < count; k++) s[k] = T->impact_t[(at - (count - 1 - k) * period) % REMEMBERED] - T->first_impact;
-        if (!(s[count - 1] - s[count - 2] < 0.999 * (s[count - 2] - s[count - 3]))) return;
-        double rest = limit_of_sequence(s, count, &error), *x = T->later_x;
-        if (!(rest > s[count - 1])) return;
-        worst = error / rest;
-        for (long i = 0; i < n; i++) {
-            for (int k = 0; k < count; k++) s[k] = T->impact_x[(at - (count - 1 - k) * period) % REMEMBERED * n + i];
-            x[i] = limit_of_sequence(s, count, &error);
-            if (T->size[i] > 0) worst = fmax(worst, error / T->size[i]);
-        }
-        if (!(worst < T->rest_error)) return;
-        T->rest_error = worst;
-        T->rest_t = T->first_impact + rest;
-        memcpy(T->rest_x, x, sizeof(double) * (size_t)n);
+        long repeated = 0, better = 0;
+        while (repeated + period <= at && repeated + period < REMEMBERED && are_alike(T, at - repeated, at - repeated - period)) repeated++;
+        if (repeated / period + 1 < FEWEST) continue;
+        for (long apart = period; repeated / apart + 1 >= FEWEST; apart *= 2) better |= is_foreseen(I, at, period, apart, (int)(repeated / apart < SEQUENCE ? repeated / apart + 1 : SEQUENCE));
+        if (!better) return;
         memset(T->rests, 0, sizeof(long) * (size_t)I->one_sided);
         for (long k = 0; k < period; k++) /* all that strike together, whichever is noticed first */
             for (long i = 0; i < I->one_sided; i++) T->rests[i] |= T->struck[(at - k) % REMEMBERED * I->one_sided + i];
@@ -106,7 +140,7 @@ static void foresee_rest(Integrator *I, long row) {
 static int comes_to_rest(const Integrator *I, int low) {
     const struct State *T = I->state;
     double left = T->rest_t - I->t;
-    return T->impacts >= FEWEST && T->rest_error < AGREES && left <= (low ? 1e3 : 1) * BRIDGED * (T->rest_t - T->first_impact) && left > 0 && T->rest_t < I->end && T->rest_t < T->knot;
+    return T->impacts >= FEWEST && T->rest_error < AGREES && (low || is_state_foreseen(T)) && left <= (low ? 1e3 : 1) * BRIDGED * (T->rest_t - T->first_impact) && left > 0 && T->rest_t < I->end && T->rest_t < T->knot;
 }
 
 /* To where they are over, in one step. */
