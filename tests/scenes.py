@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 import acausal as ac
-from components import Fixed, Particle, Revolute, RigidBody, World
+from components import Fixed, Force, Particle, Prismatic, Revolute, RigidBody, World
 
 
 class Pendulum(ac.System):
@@ -30,6 +30,18 @@ class PointPendulum(ac.System):
         self.connect(self.world.frame, self.hinge.frame_a)
         self.connect(self.hinge.frame_b, self.rod.frame_a)
         self.connect(self.rod.frame_b, self.bob.point)
+
+
+class SprungBody(ac.System):
+    """A body on a rail, which a spring couples to a hand moving as sin t: q = a sin t + b cos w t, a = w^2 / (w^2 - 1), by its `rate` w."""
+
+    def __init__(self) -> None:
+        self.world, self.rail, self.body = World(), Prismatic("x"), RigidBody(1.0, np.eye(3))
+        self.rate = ac.Parameter(10.0, "rad/s")
+        self.pull = Force((-(self.rate**2) * (self.rail.q - np.sin(ac.time)), 0, 0))
+        self.connect(self.world.frame, self.rail.frame_a)
+        self.connect(self.rail.frame_b, self.body.frame)
+        self.connect(self.pull.point, self.body.frame)
 
 
 class DoublePendulum(ac.System):

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from components import Force, Prismatic, RigidBody, World
 from tests.hard_cases import (
     CASES,
     REVERSALS,
@@ -16,6 +15,7 @@ from tests.hard_cases import (
     spin_reversals,
     there_and_back,
 )
+from tests.scenes import SprungBody
 
 BOUNDS = {  # largest error by tolerance
     "simple_pendulum": {1e-6: 5e-5, 1e-12: 5e-12},
@@ -92,21 +92,14 @@ def test_kepler_orbit_with_fixed_steps():
 
 
 def test_fast_oscillations_of_small_amplitude_follow_the_tolerance():
-    """A body that a spring couples to a hand moving as sin t: q = a sin t + b cos w t, a = w^2 / (w^2 - 1), the second part hidden among
-    the coefficients of the first in long steps."""
-    scene = ac.System()
-    scene.world, scene.rail, scene.body = World(), Prismatic("x"), RigidBody(1.0, np.eye(3))
-    rate = scene.rate = ac.Parameter(10.0, "rad/s")
-    scene.pull = Force((-(rate**2) * (scene.rail.q - np.sin(ac.time)), 0, 0))
-    scene.connect(scene.world.frame, scene.rail.frame_a)
-    scene.connect(scene.rail.frame_b, scene.body.frame)
-    scene.connect(scene.pull.point, scene.body.frame)
+    """What oscillates is hidden among the coefficients of what follows the hand, in long steps."""
+    scene = SprungBody()
     model = ac.build(scene)
     draw, end = np.random.default_rng(1), 5.0
     for _ in range(40):
         w, b, rtol = 10 ** draw.uniform(1, 2.7), 10 ** draw.uniform(-12, -4), 10 ** draw.uniform(-12, -8)
         a = w**2 / (w**2 - 1)
-        run = model.simulate(end, {scene.rail.q: b, scene.rail.v: a}, parameters={rate: w}, rtol=rtol, max_steps=100_000)
+        run = model.simulate(end, {scene.rail.q: b, scene.rail.v: a}, parameters={scene.rate: w}, rtol=rtol, max_steps=100_000)
         assert abs(run[scene.rail.q][-1] - a * np.sin(end) - b * np.cos(w * end)) < 3 * rtol, (w, b, rtol)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 
@@ -282,3 +283,21 @@ def test_step_function_has_its_order_where_time_drives(method, order):
             x, _ = step(k / n, x, [], [], 1 / n)
         errors.append(abs(float(x[0]) - (1 - np.cos(3)) / 9))
     assert abs(np.log2(errors[0] / errors[1]) - order) < 0.1
+
+
+@pytest.mark.parametrize("stages", [3, 4, 5, 6, 8, 10, 12])
+def test_what_a_step_leaves_of_its_rates_is_carried_on_as_fast_motions_do(stages):
+    """The integral over a step of exp(z (1 - t)) P_s(t) is s! / (2 s + 1)! z^s / Q(z) for small z, Q the product of 1 - lambda z over the eigenvalues of A; of large ones,
+    with the part of (1 - gamma z)^-1 that is real, gamma the most real eigenvalue, it is not much more."""
+    eigenvalues = np.linalg.eigvals(gauss_legendre(stages).A)
+    gamma = eigenvalues[np.argmin(np.abs(eigenvalues.imag))]
+    nodes, weights = np.polynomial.legendre.leggauss(200)
+    P = np.polynomial.legendre.legval(nodes, [0] * stages + [1])
+    first = math.factorial(stages) / math.factorial(2 * stages + 1)
+    for size in 1.2 * stages * np.array([0.3, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0, 6.0]):
+        for z in (1j * size, -size):
+            exact = abs(np.sum(weights / 2 * np.exp(z * (1 - nodes) / 2) * P))
+            plain = first * abs(z**stages / np.prod(1 - eigenvalues * z))
+            forgotten = abs(0.5 / (1 - gamma * z) + 0.5 / (1 - np.conj(gamma) * z))
+            assert size > 0.4 * stages or plain == pytest.approx(exact, rel=0.02)
+            assert exact < 7 * plain * forgotten

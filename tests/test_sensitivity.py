@@ -25,7 +25,7 @@ from components import (
 from tests.formulations import composed, script
 from tests.hard_cases import CASES
 from tests.random_sketches import random_sketch
-from tests.scenes import Pendulum
+from tests.scenes import Pendulum, SprungBody
 
 
 class AdjustableFourBar(ac.System):
@@ -349,21 +349,14 @@ def test_entries_of_start_values_are_found_however_they_are_written():
 
 
 def test_derivatives_follow_the_tolerance_where_the_motion_is_slow_and_they_are_not():
-    """A body that a spring couples to a hand moving as sin t: q = a sin t, a = w^2 / (w^2 - 1), in long steps; a little off this start, and with
-    another spring, it oscillates."""
-    scene = ac.System()
-    scene.world, scene.rail, scene.body = World(), Prismatic("x"), RigidBody(1.0, np.eye(3))
-    rate = scene.rate = ac.Parameter(10.0, "rad/s")
-    scene.pull = Force((-(rate**2) * (scene.rail.q - np.sin(ac.time)), 0, 0))
-    scene.connect(scene.world.frame, scene.rail.frame_a)
-    scene.connect(scene.rail.frame_b, scene.body.frame)
-    scene.connect(scene.pull.point, scene.body.frame)
+    """It follows the hand alone, in long steps; a little off this start, and with another spring, it oscillates."""
+    scene = SprungBody()
     model, draw, end = ac.build(scene), np.random.default_rng(5), 5.0
     for _ in range(12):
         w, rtol = 10 ** draw.uniform(1, 2.7), 10 ** draw.uniform(-12, -6)
         a, slope = w**2 / (w**2 - 1), -2 * w / (w**2 - 1) ** 2
         start = {scene.rail.q: 0.0, scene.rail.v: a}
-        run = model.sensitivities([0.0, end], [*start, rate], start, parameters={rate: w}, rtol=rtol)
+        run = model.sensitivities([0.0, end], [*start, scene.rate], start, parameters={scene.rate: w}, rtol=rtol)
         fast = np.sin(w * end)
         exact = np.array([np.cos(w * end), fast / w, slope * (np.sin(end) - fast / w)])
         bound = (3 * rtol + 1e-14 * w * end) * np.array([1.0, 1 / w, 1 / w])

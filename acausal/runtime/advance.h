@@ -17,7 +17,7 @@ static int make_vectors(Integrator *I, long most) {
     struct State *T = I->state;
     long n = I->nx;
     int all = 1;
-    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment, &T->limit, &T->noise, &T->spread, &T->most, &T->most_left, &T->change_left, &T->aside, &T->apart, &T->least, &T->known, &T->kept};
+    double **vectors[] = {&T->carry, &T->size, &T->scale, &T->factor, &T->rate, &T->before, &T->start_rate, &T->end_rate, &T->increment, &T->limit, &T->noise, &T->spread, &T->most, &T->most_left, &T->change_left, &T->aside, &T->apart, &T->least, &T->known};
     for (size_t k = 0; k < sizeof vectors / sizeof *vectors; k++) all = (*vectors[k] = reserve_doubles(I, n + 1)) && all;
     T->copied = reserve(I, (size_t)n + 1);
     T->own = reserve(I, sizeof(long) * (size_t)(n + 1));

@@ -495,7 +495,7 @@ static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     if (S->around || T->noisy || !(T->change < INFINITY) || T->grown > ESCAPED) return 0;
     sample_noise(I, S, 0, 0);
-    double noise = 2 * noise_in(I, h) * sqrt((double)I->nx);
+    double noise = 2 * moved_by(I, T->noise, h) * sqrt((double)I->nx);
     if (noise > LEFT && T->change < noise) return 1;
     forget_noise(I);
     return 0;

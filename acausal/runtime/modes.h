@@ -1018,12 +1018,11 @@ static int act_alike(const Integrator *I, const Decision *D) {
     return alike;
 }
 
+enum { CONVERGES = 1, HELD };
+
 /* Where all is when impacts are over, if from the one that has been decided what comes to rest is held: what reactions that act the same way all along pass on until then is the same
    to second order in that time. Into T->rest_x, wherever they do, or where impacts converge to the same: HELD. Else CONVERGES, if it is known at all, 0 if not; -1 when the input
    function failed. */
-enum { CONVERGES = 1, HELD };
-
-
 static int go_on_held(Integrator *I, Room R, double planned) {
     struct State *T = I->state;
     Decision D;

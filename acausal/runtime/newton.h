@@ -7,9 +7,10 @@ static double jacobian_cost(const Integrator *I) {
 static double factor_cost(const Integrator *I, const Method *m) {
     return ceil((double)m->eigenvalues / COUNTED) * (3.5 * I->pattern.work + 50 * I->pattern.fill);
 }
+static double solve_cost(const Integrator *I, const Method *m) { return ceil((double)m->eigenvalues / COUNTED) * 10 * I->pattern.fill; }
 static double direction_cost(const Integrator *I, const Method *m) {
     double n = (double)I->nx, e = (double)m->eigenvalues;
-    return n * (60 + 5 * (e + (double)m->stages)) + ceil(e / COUNTED) * 10 * I->pattern.fill;
+    return n * (60 + 5 * (e + (double)m->stages)) + solve_cost(I, m);
 }
 
 static int make_newton(Integrator *I) {
@@ -220,13 +221,14 @@ static void weight_of(const Method *m, long e, double *re, double *im) {
     *im = (power[1] * product[0] - power[0] * product[1]) / all;
 }
 
-/* left (n) times (h J)^s / Q(h J), in place, by the factors of Newton's iteration: where motions are slow, that leaves as little as the order does; of fast ones, all. */
-static void keep_fast(Integrator *I, const Method *m, double *left) {
+/* left (n) times (h J)^s / Q(h J), into `kept` (n), by the factors of Newton's iteration: where motions are slow, that leaves as little as the order does; of fast ones, all. */
+static void keep_fast(Integrator *I, const Method *m, const double *left, double *kept) {
     struct Sparse *S = &I->state->sparse;
     long n = I->nx;
     double all = 1; /* the limit far away */
     for (long e = 0; e < m->eigenvalues; e++)
         all /= m->eigen_im[e] == 0 ? -m->eigen_re[e] : m->eigen_re[e] * m->eigen_re[e] + m->eigen_im[e] * m->eigen_im[e];
+    for (long i = 0; i < n; i++) kept[i] = all * left[i];
     for (long e = 0; e < m->eigenvalues; e += LANES) {
         for (long i = 0; i < n; i++) {
             S->re[i] = v_all(left[i]);
@@ -237,34 +239,25 @@ static void keep_fast(Integrator *I, const Method *m, double *left) {
         for (long l = 0; l < here; l++) {
             double re, im;
             weight_of(m, e + l, &re, &im);
-            for (long i = 0; i < n; i++) I->state->kept[i] = (e + l > 0 ? I->state->kept[i] : all * left[i]) + re * S->re[n + i][l] - im * S->im[n + i][l];
+            for (long i = 0; i < n; i++) kept[i] = kept[i] + re * S->re[n + i][l] - im * S->im[n + i][l];
         }
     }
-    memcpy(left, I->state->kept, sizeof(double) * (size_t)n);
-    I->work += ceil((double)m->eigenvalues / COUNTED) * 10 * I->pattern.fill;
+    I->work += solve_cost(I, m);
 }
 
 #define AS_LONG 0.03 /* units of the scale that a step may miss so that the next one is as long: they add up where something oscillates */
 #define TOO_LONG 3   /* times as much is too much */
 
-/* Units of the scale (n) in which rates are, the most. */
-static double largest_in(const Integrator *I, const double *rates, double h) {
-    double most = 0;
-    for (long i = 0; i < I->nx; i++) most = fmax(most, fabs(rates[i]) * (h / I->state->scale[i]));
-    return most;
-}
-
 /* What a step of Gauss misses in motions that are too fast for it, as an error that its order would explain. That is twice its stages because what is left of the
    rates, a multiple of the Legendre polynomial P_s, is integrated with what the rest of the step makes of it, which lower polynomials tell. Not so for a fast oscillation,
    of which a small part in a slow motion does not show in its coefficients. What is left is known at the end of the step, and the integral of exp(J (h - t)) P_s(t) over it
-   is s! / (2 s + 1)! (h J)^s / Q(h J) where J is small, Q the denominator of the Pade approximant. Where it is large that has to be forgotten once: then it is at most three
-   times too small for all eigenvalues and numbers of stages, hence twice as much. 0 where factors are those of another step. */
+   is s! / (2 s + 1)! (h J)^s / Q(h J) where J is small, Q the denominator of the Pade approximant. Where it is large that has to be forgotten once: then it is at most seven times
+   too small for eigenvalues that oscillate or decay and 3 to 12 stages, hence twice as much (tests/test_integrators.py). 0 where factors are those of another step. */
 static double missed_as_fast(Integrator *I, const Stages *S, double h) {
     struct State *T = I->state;
-    double *left = T->most;
+    double *left = T->most, *kept = T->before;
     long n = I->nx, s = S->s, width = S->blocks * LANES;
-    if (I->planes + I->patches) return 0; /* directions of slip decay fast for the instants in which it is slow, and nothing else is fast there */
-    if (s < 3 || !T->newton_now || S->method->kind != GAUSS || S->around || T->factored_h != h || T->factored_method != I->method) return 0;
+    if (s < 3 || slips_turn(I) || !T->newton_now || S->method->kind != GAUSS || S->around || T->factored_h != h || T->factored_method != I->method) return 0;
     for (long i = 0; i < n; i++) T->before[i] = I->x[i] + T->increment[i];
     if (!T->end_known && !rate_at(I, I->t + h, T->before, T->end_rate)) return 0; /* told when ends are looked at */
     T->end_known = 1;
@@ -275,9 +268,9 @@ static double missed_as_fast(Integrator *I, const Stages *S, double h) {
         for (long k = s - 1; k >= 0; k--) end += S->a[i * width + k];
         left[i] = factor * copysign(heard(end, (double)s * T->spread[i]), end);
     }
-    keep_fast(I, S->method, left);
-    if (!(largest_in(I, left, h) > 0.1 * AS_LONG)) return 0;
-    forget_fast(I, S->method, left);
-    double times = largest_in(I, left, h) / AS_LONG, error = pow(CAREFUL * pow(times, 1 / (double)(s + 1)), (double)(S->method->order + 1));
+    keep_fast(I, S->method, left, kept);
+    if (!(moved_by(I, kept, h) > 0.1 * AS_LONG)) return 0;
+    forget_fast(I, S->method, kept);
+    double times = moved_by(I, kept, h) / AS_LONG, error = pow(CAREFUL * pow(times, 1 / (double)(s + 1)), (double)(S->method->order + 1));
     return times < 0.1 ? 0 : times > TOO_LONG ? fmax(error, 1 + EPS) : error;
 }

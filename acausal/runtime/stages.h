@@ -205,7 +205,6 @@ struct State {
     double *spread;          /* the same, with what fast decay forgets before a stage is solved */
     double *least;           /* what rounding makes of the rates of states that are nothing else */
     double *known;           /* what rounding makes of these until the motion has changed */
-    double *kept;            /* of a step, what is fast */
     double *most, *most_left, *change_left, *aside, *apart; /* work: per state */
     V *disturbed, *rates[2]; /* states and rates that rounding is sampled with */
     double *last_a;          /* Legendre coefficients (nx, last_s) of the last step */
@@ -543,13 +542,15 @@ static void sample_noise(Integrator *I, const Stages *S, int leasts, int times) 
     I->work += 2 * (double)((S->s + COUNTED - 1) / COUNTED) * ((double)I->operations + 150 * (double)I->nx);
 }
 
-/* What the rounding of rates moves states by in a step of size h, in units of the scale. */
-static double noise_in(const Integrator *I, double h) {
-    const struct State *T = I->state;
+/* What rates (nx) move a state by in a step of size h at most, in units of the scale. */
+static double moved_by(const Integrator *I, const double *rates, double h) {
     double most = 0;
-    for (long i = 0; i < I->nx; i++) most = fmax(most, fabs(h) * T->noise[i] / T->scale[i]);
+    for (long i = 0; i < I->nx; i++) most = fmax(most, fabs(h) * fabs(rates[i]) / I->state->scale[i]);
     return most;
 }
+
+/* Directions of slip turn and decay fast for the instants in which it is slow, which is no stiffness. */
+static int slips_turn(const Integrator *I) { return I->planes + I->patches > 0; }
 
 static void forget_noise(Integrator *I) {
     struct State *T = I->state;

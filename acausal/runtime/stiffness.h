@@ -254,7 +254,7 @@ static void turn_to_gauss(Integrator *I) {
 
 /* Number of the Radau method to begin with; 0 where there is none but Gauss. */
 static long first_radau(const Integrator *I) {
-    if (I->planes + I->patches && I->method_list[0].kind == GAUSS) return 0; /* directions of slip decay fast for the instants in which it is slow, which is no stiffness */
+    if (slips_turn(I) && I->method_list[0].kind == GAUSS) return 0;
     long wanted = (I->method_list[0].kind == GAUSS) + (I->rtol > 1e-4 ? 0 : I->rtol > 1e-9 ? 1 : 2);
     return wanted < I->methods ? wanted : I->methods - 1;
 }
