@@ -17,18 +17,18 @@ from components.translational import ForceSource, PositionSource, SlidingMass, T
 
 
 class Floor(ac.Component):
-    """Keeps s >= 0."""
+    """Keeps s >= height."""
 
     flange = ac.Translational.port()
 
-    def __init__(self, restitution: ac.Scalar) -> None:
-        self.push, self.restitution = ac.Reaction("N"), restitution
+    def __init__(self, restitution: ac.Scalar, height: ac.Scalar = 0.0) -> None:
+        self.push, self.restitution, self.height = ac.Reaction("N"), restitution, height
 
     def equations(self) -> Iterable[ac.Equation]:
         yield ac.equal(self.flange.f, -self.push)
 
     def laws(self) -> Iterable[ModeLaw]:
-        yield ac.OneSided(self.push, self.flange.s, self.restitution)
+        yield ac.OneSided(self.push, self.flange.s - self.height, self.restitution)
 
 
 class Apart(ac.Component):
@@ -53,7 +53,7 @@ class Rub(ac.Component):
 
     flange = ac.Translational.port()
 
-    def __init__(self, sliding: float, holding: float, belt: ac.Scalar = 0.0) -> None:
+    def __init__(self, sliding: ac.Scalar, holding: ac.Scalar, belt: ac.Scalar = 0.0) -> None:
         self.drag, self.sliding, self.holding, self.belt = ac.Reaction("N"), sliding, holding, belt
 
     def equations(self) -> Iterable[ac.Equation]:

@@ -18,40 +18,8 @@ from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
 from components import Clutch, Inertia, Particle, RigidBody, VelocitySource, World
 from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
+from tests.rough import Floor, Rub
 from tests.scenes import Pendulum
-
-
-class Floor(ac.Component):
-    """Keeps s >= 0."""
-
-    flange = ac.Translational.port()
-
-    def __init__(self, restitution: float) -> None:
-        self.push, self.restitution = ac.Reaction("N"), restitution
-
-    def equations(self) -> Iterable[ac.Equation]:
-        yield ac.equal(self.flange.f, -self.push)
-
-    def laws(self) -> Iterable[ModeLaw]:
-        yield ac.OneSided(self.push, self.flange.s, self.restitution)
-
-
-class Rub(ac.Component):
-    """Dry friction on a belt."""
-
-    flange = ac.Translational.port()
-
-    def __init__(self, sliding: float, holding: float, belt: float = 0.0) -> None:
-        self.drag, self.sliding, self.holding, self.belt = ac.Reaction("N"), sliding, holding, belt
-
-    def equations(self) -> Iterable[ac.Equation]:
-        yield ac.equal(self.flange.f, -self.drag)
-
-    def laws(self) -> Iterable[ModeLaw]:
-        yield ac.DryFriction(self.drag, ac.der(self.flange.s) - self.belt, self.sliding, self.holding)
-
-    def dissipated_power(self) -> ac.Expression:
-        return -self.drag * ac.der(self.flange.s)
 
 
 def bouncing(restitution: float, mass: float = 2.0, gravity: float = 9.81) -> ac.System:

@@ -16,38 +16,9 @@ from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
 from components import Contact, Coulomb, Hard, Particle, Plane, PointOnPlane, Revolute, RigidBody, Sphere, World
 from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
+from tests.rough import Floor, Rub
 
 EXACT = {"rtol": 1e-12}
-
-
-class Floor(ac.Component):
-    """Keeps s >= height."""
-
-    flange = ac.Translational.port()
-
-    def __init__(self, restitution: ac.Scalar, height: ac.Scalar = 0.0) -> None:
-        self.push, self.restitution, self.height = ac.Reaction("N"), restitution, height
-
-    def equations(self) -> Iterable[ac.Equation]:
-        yield ac.equal(self.flange.f, -self.push)
-
-    def laws(self) -> Iterable[ModeLaw]:
-        yield ac.OneSided(self.push, self.flange.s - self.height, self.restitution)
-
-
-class Rub(ac.Component):
-    """Dry friction on a belt."""
-
-    flange = ac.Translational.port()
-
-    def __init__(self, sliding: ac.Scalar, holding: ac.Scalar, belt: ac.Scalar = 0.0) -> None:
-        self.drag, self.sliding, self.holding, self.belt = ac.Reaction("N"), sliding, holding, belt
-
-    def equations(self) -> Iterable[ac.Equation]:
-        yield ac.equal(self.flange.f, -self.drag)
-
-    def laws(self) -> Iterable[ModeLaw]:
-        yield ac.DryFriction(self.drag, ac.der(self.flange.s) - self.belt, self.sliding, self.holding)
 
 
 class Ball(ac.System):

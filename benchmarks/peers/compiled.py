@@ -38,14 +38,15 @@ def dynamics(built: Built) -> tuple[Rate, Rate]:
 
 def compiled(functions: list[ca.Function], optimise: str = "-O2") -> list[ca.Function]:
     """The same functions, as C."""
-    folder = Path(tempfile.mkdtemp())
     generator = ca.CodeGenerator("peer.c")
     for function in functions:
         generator.add(function)
-    generator.generate(f"{folder}{os.sep}")
-    library = folder / "peer.so"
-    subprocess.run([*(compiler() or []), optimise, "-fPIC", "-shared", "-o", library, folder / "peer.c", "-lm"], check=True)
-    return [ca.external(function.name(), str(library)) for function in functions]
+    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:  # what is loaded stays so without its file, where systems allow it
+        folder = Path(name)
+        generator.generate(f"{folder}{os.sep}")
+        library = folder / "peer.so"
+        subprocess.run([*(compiler() or []), optimise, "-fPIC", "-shared", "-o", library, folder / "peer.c", "-lm"], check=True)
+        return [ca.external(function.name(), str(library)) for function in functions]
 
 
 def _called(function: ca.Function) -> Rate:
