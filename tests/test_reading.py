@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -13,7 +14,7 @@ from acausal.errors import OptionError
 from acausal.outputs.functions import Functions
 from acausal.parts.joint import AbstractJoint
 from acausal.runtime.series import Series
-from components import Revolute, RigidBody, World
+from components import AngleSource, Brake, Gear, Inertia, Revolute, RigidBody, World
 from tests.scenes import DoublePendulum, FourBar, bennett_linkage
 
 SCENES: dict[str, Callable[[], Any]] = {"double_pendulum": DoublePendulum, "four_bar": FourBar, "bennett": bennett_linkage}
@@ -104,3 +105,27 @@ def test_times_that_are_off_by_their_rounding_are_of_the_motion(end: float) -> N
     assert np.array_equal(run.at(times).t, run.t)
     with pytest.raises(OptionError, match="`samples` are from"):
         model.simulate(end, samples=end * np.array([0.5, 1 + 1e-9]))
+
+
+@pytest.mark.parametrize("rough", [False, True])
+def test_what_drives_bear_is_read_of_the_dynamics_once(rough: bool) -> None:
+    """Efforts that accelerations depend on hold the dynamics whole: these are evaluated for all of them together."""
+    scene = DoublePendulum()
+    scene.drive = AngleSource(lambda t: 0.3 * ca.sin(3 * t))
+    scene.gear, scene.rotor, scene.other = Gear(5.0), Inertia(0.01), Revolute(axis="x")
+    scene.tool = RigidBody.rod(0.2, (0.0, 0.0, -0.3))
+    scene.connect(scene.shoulder.flange, scene.drive.flange)
+    scene.connect(scene.elbow.flange, scene.gear.flange_b)
+    scene.connect(scene.gear.flange_a, scene.rotor.flange_a)
+    scene.connect(scene.lower.tip, scene.other.frame_a)
+    scene.connect(scene.other.frame_b, scene.tool.frame)
+    if rough:
+        scene.brake = Brake(scene.other.flange, 0.05)
+    run = ac.build(scene).simulate(0.5, {scene.elbow.q: 0.4, scene.other.v: 2.0}, samples=7)
+    f = run.functions
+    for wanted in (scene.drive.flange.tau, scene.gear.flange_b.tau, ac.der(scene.rotor.w), 2 * scene.gear.flange_a.tau + scene.elbow.v):
+        output, series = f.output(wanted), run[wanted]
+        closed = [float(output(run.t[k], run.x[:, k], run.u[:, k], run.problem.parameters)) for k in range(7)]
+        assert np.max(np.abs(series - closed)) < 1e-12 * np.max(np.abs(closed))
+        core = f.reading(wanted).series.function
+        assert isinstance(core, ca.Function) and core.n_instructions() < 10 < output.n_instructions()

@@ -105,7 +105,8 @@ def demands(functions: Functions, t: np.ndarray, x: np.ndarray, u: np.ndarray, p
     if modes is None or lasting is None:
         return {}
     given = functions.series(functions.given_by_dynamics)(t, x, u, p)
-    forces = given[system.x_dot.numel() + system.multipliers.numel() :]
+    first = system.x_dot.numel() + system.multipliers.numel()
+    forces = given[first : first + modes.reactions.numel()]
     guards = functions.series(lasting.guards)(t, x, u, p)
     found: dict[str, Demand] = {}
     first = 0

@@ -512,11 +512,13 @@ class Functions:
 
     @functools.cached_property
     def given_by_dynamics(self) -> Function:
-        """(t, x, u, p) -> rates of all states of the reduced system, multipliers, and reactions that hold as long as they can."""
+        """(t, x, u, p) -> rates of all states of the reduced system, multipliers, reactions that hold as long as they can, and what scalar parts have of these."""
         reactions, _ = self.outputs.by_modes
-        return self._staged(
-            "given_by_dynamics", lambda outputs: ca.vertcat(outputs.system.x_dot, outputs.system.multipliers, reactions)
-        )
+
+        def given(outputs: Outputs) -> ca.SX:
+            return ca.vertcat(outputs.system.x_dot, outputs.system.multipliers, reactions, outputs.yielding)
+
+        return self._staged("given_by_dynamics", given)
 
     @functools.cached_property
     def given_by_loops(self) -> ca.Function:

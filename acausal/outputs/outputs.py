@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
-from collections.abc import Hashable
+from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -47,7 +47,8 @@ class Outputs:
     @functools.cached_property
     def _reactions(self) -> Reactions:
         r = self._open
-        return Reactions(r.mechanics, r.constraints, self._rates[r.nq : r.nq + r.tree_velocities, :], self._multipliers, r.solved)
+        v_dot = self._rates[r.nq : r.nq + r.tree_velocities, :]
+        return Reactions(r.mechanics, r.constraints, v_dot, self._multipliers, r.solved | self._by_yielding)
 
     @functools.cached_property
     def unmasked(self) -> Outputs:
@@ -89,10 +90,34 @@ class Outputs:
 
     @functools.cached_property
     def given_by_dynamics(self) -> tuple[ca.SX, ca.SX]:
-        """Symbols (n, 1) that may stand in what `opened` gives, for rates of the states, multipliers of loops, and reactions that hold as long as they can; and
-        what they stand for."""
+        """Symbols (n, 1) that may stand in what `shared` gives, for rates of the states, multipliers of loops, reactions that hold as long as they can, and
+        variables of scalar parts that follow from accelerations; and what they stand for."""
         s, (reactions, found) = self.system, self.by_modes
-        return ca.vertcat(self._rates, self._multipliers, reactions), ca.densify(ca.vertcat(s.x_dot, s.multipliers, found))
+        symbols = ca.vertcat(self._rates, self._multipliers, reactions, self._yielding_symbols)
+        return symbols, ca.densify(ca.vertcat(s.x_dot, s.multipliers, found, self.yielding))
+
+    @functools.cached_property
+    def _by_yielding(self) -> dict[Symbol, ca.SX]:
+        """Symbols for variables of scalar parts that follow from what the mechanics yield."""
+        solved, yielding = self.system.solved, self.system.scalar.yielding
+        return {
+            s: ca.SX.sym(self.name(s), *value.shape)
+            for s, value in solved.items()
+            if s in yielding and not isinstance(s, Reaction)
+        }
+
+    @property
+    def yielding(self) -> ca.SX:
+        """(n, 1): these."""
+        return _column(self.system.solved[s] for s in self._by_yielding)
+
+    @property
+    def _yielding_symbols(self) -> ca.SX:
+        return _column(self._by_yielding.values())
+
+    def _solved(self, symbol: Symbol) -> ca.SX | None:
+        """A variable that scalar equations give, None where they do not: in t, x, u, p, or a symbol for it."""
+        return self._by_yielding.get(symbol, self._open.solved.get(symbol))
 
     def closed(self, expression: ca.SX) -> ca.SX:
         """An opened or shared expression in t, x, u and p."""
@@ -113,8 +138,11 @@ class Outputs:
         return self.closed(self.shared(self.system.flat.named(value) if isinstance(value, str) else value))
 
     def opened(self, value: Expression | ca.SX) -> ca.SX:
-        """The expression in t, x, u, p, and symbols for rates and multipliers (see `given_by_dynamics`). Raises `UnknownVariableError`."""
-        return self._without_borne(self.shared(value))
+        """The expression in t, x, u, p, and symbols for rates, multipliers and reactions. Raises `UnknownVariableError`."""
+        found, symbols = self._without_borne(self.shared(value)), self._yielding_symbols
+        if not symbols.numel() or not ca.depends_on(found, symbols):
+            return found
+        return ca.substitute(found, symbols, _column(self._open.solved[s] for s in self._by_yielding))
 
     def _without_borne(self, expression: ca.SX) -> ca.SX:
         if not self.borne.numel() or not ca.depends_on(expression, self.borne):
@@ -122,7 +150,7 @@ class Outputs:
         return ca.substitute(expression, self.borne, self.given_by_loops)
 
     def shared(self, value: Expression | ca.SX) -> ca.SX:
-        """The expression in t, x, u, p, and symbols for what many expressions share: rates and multipliers, and what redundant loops bear.
+        """The expression in t, x, u, p, and symbols for what many expressions share (see `given_by_dynamics`), and what redundant loops bear.
 
         Raises `UnknownVariableError` for a variable of another scene.
         """
@@ -229,7 +257,7 @@ class Outputs:
         return [q for connector in self.system.flat.connector_paths for q in connector.quantities]
 
     def symbol(self, symbol: Symbol) -> ca.SX:
-        """One declared symbol in t, x, u, p, and what the dynamics give."""
+        """One declared symbol in t, x, u, p, and symbols for what the dynamics give."""
         if isinstance(symbol, Reaction) and symbol in self.system.solved:
             return self._open.solved.get(symbol, symbol.sx if self.system.modes is not None else self.system.solved[symbol])
         if isinstance(symbol, Time | Parameter | Input):
@@ -241,7 +269,7 @@ class Outputs:
             return self._derivative(symbol)
         if symbol in self._joint_symbols:
             return self._joint_symbol(symbol)
-        solved = self._open.solved.get(symbol)
+        solved = self._solved(symbol)
         if solved is not None:
             return solved
         raise UnknownVariableError(self._foreign(symbol))
@@ -278,7 +306,7 @@ class Outputs:
 
     def _derivative(self, symbol: Derivative) -> ca.SX:
         """By the chain rule through the dynamics, where scalar equations do not give it."""
-        solved = self._open.solved.get(symbol)
+        solved = self._solved(symbol)
         if solved is not None:
             return solved
         return self._opened_rate(self.closed(self.symbol(symbol.of)))
@@ -314,3 +342,7 @@ class Outputs:
         if name == "angular_velocity":
             return R_link @ w
         return R_link @ (mechanics.kinematics.linear_velocity(link) + ca.cross(w, p))
+
+
+def _column(values: Iterable[ca.SX]) -> ca.SX:
+    return ca.vertcat(ca.SX(0, 1), *map(ca.vec, values))

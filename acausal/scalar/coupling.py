@@ -97,6 +97,8 @@ class ScalarPart:
     """Places of the states that nonlinear equations give by the others."""
     untorn: tuple[Untorn, ...] = ()
     """The blocks of these equations."""
+    yielding: frozenset[Symbol] = frozenset()
+    """Those of `solved` that follow from what the mechanics yield: efforts that accelerations depend on, and accelerations. Their values are as long as the dynamics."""
 
     @property
     def position(self) -> ca.SX:
@@ -210,7 +212,18 @@ class _Coupling:
             self._followers(self.looped), self.collection.names, self._led,
             frozenset(place for place, k in enumerate(order) if k >= n_states),
             self._untorn(everything[n + m + len(blocks) :], {keys[k]: place for place, k in enumerate(order)}),
+            self._yielding(),
         )  # fmt: skip
+
+    def _yielding(self) -> frozenset[Symbol]:
+        told = [s for f in self.collection.flanges for s in (f.acceleration, f.bias, *ca.vertsplit(f.flexibility.T))]
+        if not told:
+            return frozenset()
+        symbols, values = ca.vertcat(*told), self.reduced.values
+        found = {key for key, value in values.items() if ca.depends_on(value, symbols)}
+        return frozenset(
+            symbol for symbol, scalars in self.collection.elements.items() if found & {s.sx.element_hash() for s in scalars}
+        )
 
     def _untorn(self, rows: Sequence[ca.SX], places: Mapping[int, int]) -> tuple[Untorn, ...]:
         """`places`: of scalar states, by element hash."""
