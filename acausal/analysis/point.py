@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.numerics.bound import dense, evaluated
+from acausal.numerics.bound import Columns, dense
 from acausal.numerics.folding import folded_function
 from acausal.numerics.rounding import Rounding
 from acausal.outputs.functions import Functions
@@ -49,19 +49,20 @@ class Differentiable:
     def __init__(self, system: ReducedSystem, column: ca.SX) -> None:
         self.size = column.numel()
         arguments = [system.t, system.x, system.u, system.p]
-        self._function = folded_function("column", arguments, [ca.densify(column)]) if self.size else None
-        self._rounding = None if self._function is None else Rounding(self._function)
-        self._forward = None if self._function is None else dense(self._function.forward(1))
+        function = folded_function("column", arguments, [ca.densify(column)]) if self.size else None
+        self._values = None if function is None else Columns(function)
+        self._rounding = None if function is None else Rounding(function)
+        self._forward = None if function is None else Columns(dense(function.forward(1)))
 
     def value(self, at: OperatingPoint) -> np.ndarray:
         """(size,)."""
-        return np.zeros(0) if self._function is None else evaluated(self._function, at.t, at.x, at.u, at.p)
+        return np.zeros(0) if self._values is None else self._values(at.t, at.x, at.u, at.p)
 
     def rounding(self, at: OperatingPoint, sizes: np.ndarray) -> np.ndarray:
         """What rounding makes of the values (size,): how they change when all arguments do by their rounding, that of states by the rounding
         of their `sizes` (nx,). By samples (More and Wild, *Estimating computational noise*, 2011).
         """
-        if self._function is None:
+        if self._values is None:
             return np.zeros(0)
         x, u, p = (np.repeat(part[:, None], _SAMPLES, axis=1) for part in (at.x, at.u, at.p))
         shake, eps = np.random.default_rng(0), np.finfo(float).eps
@@ -75,7 +76,7 @@ class Differentiable:
 
     def terms(self, at: OperatingPoint) -> np.ndarray:
         """How large the terms are that the values are the sums of (size,), also where they cancel."""
-        if self._function is None:
+        if self._values is None:
             return np.zeros(0)
         assert self._rounding is not None
         return self._rounding(at.t, at.x, at.u, at.p) / np.finfo(float).eps
@@ -95,5 +96,5 @@ class Differentiable:
             return np.zeros((self.size, k))
         point = at.t, at.x, at.u, at.p, np.zeros(self.size)
         seeds = [np.zeros((k, n.size)) if d is None else d.T for n, d in ((at.x, dx), (at.u, du), (at.p, dp))]
-        changes = [evaluated(self._forward, *point, dt, *(seed[j] for seed in seeds)) for j in range(k)]
+        changes = [self._forward(*point, dt, *(seed[j] for seed in seeds)) for j in range(k)]
         return np.column_stack(changes)

@@ -132,7 +132,7 @@ class ChartEquations:
         own = self.manifold.functions.integrand.switching
         if own is None:
             return None
-        k, sides = self._symbols, ca.SX.sym("sides", len(own.words))
+        k, sides = self._symbols, ca.SX.sym("sides", len(own.looked_at))
         held = ca.vertcat(k.u, sides)
         ((x_dot,), _), ((rows,), _) = (called(f, [k.t, self._at, held, k.p]) for f in (own.rates, own.rows))
         (true,), _ = called(own.sides, [k.t, self._at, k.u, k.p])

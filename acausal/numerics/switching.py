@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import itertools
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -25,7 +26,7 @@ class Switching:
 
     `rates`: (t, x, (u, sides), p) -> x', smooth in t, x and u. `rows`: (t, x, (u, sides), p) -> values that are positive where the sides are
     the true ones; `sides`: (t, x, u, p) -> the true ones. Where row k becomes negative, side `switch`[k] becomes `factor`[k] side + `plus`[k].
-    `words`: the expressions that switch, in t_0, x_0, x_1, ..., u_0, ..., p_0, ... `others`: like `rates`, what else is smooth then.
+    `looked_at`: the expressions that switch. `others`: like `rates`, what else is smooth then.
     """
 
     rates: Function
@@ -34,8 +35,13 @@ class Switching:
     switch: np.ndarray
     factor: np.ndarray
     plus: np.ndarray
-    words: tuple[str, ...]
+    looked_at: tuple[ca.SX, ...]
     others: tuple[Function, ...]
+
+    @functools.cached_property
+    def words(self) -> tuple[str, ...]:
+        """The expressions that switch, in t_0, x_0, x_1, ..., u_0, ..., p_0, ..., for people: long ones take longer to write than to compute."""
+        return tuple(_shortened(str(value)) for value in self.looked_at)
 
 
 def switching(given: Function, *others: Function) -> Switching | None:
@@ -72,7 +78,7 @@ def switching(given: Function, *others: Function) -> Switching | None:
         np.array(found.switch),
         np.array(found.factor, dtype=float),
         np.array(found.plus, dtype=float),
-        tuple(switch.words for switch in found.switches),
+        tuple(switch.looked_at for switch in found.switches),
         tuple(made("others", held[a:b, :]) for a, b in itertools.pairwise(ends)),
     )
 
@@ -101,12 +107,16 @@ _LONGEST = 600
 """Of words; compilers and readers are content with less than a page."""
 
 
+def _shortened(words: str) -> str:
+    return words if len(words) <= _LONGEST else f"{words[:_LONGEST]} ..."
+
+
 @dataclass(frozen=True)
 class _Switch:
-    """Its true side, and what is looked at in words."""
+    """Its true side, and what is looked at."""
 
     true: ca.SX
-    words: str
+    looked_at: ca.SX
 
 
 class _Holder:
@@ -206,8 +216,7 @@ class _Holder:
     def _new(self, value: ca.SX, true: ca.SX) -> ca.SX:
         side = ca.SX.sym(f"side{len(self.sides)}")
         self.sides.append(side)
-        words = str(value)
-        self.switches.append(_Switch(true, words if len(words) <= _LONGEST else f"{words[:_LONGEST]} ..."))
+        self.switches.append(_Switch(true, value))
         return side
 
     def _row(self, row: ca.SX, factor: float, plus: float) -> None:

@@ -52,7 +52,7 @@ class Integrand:
     @property
     def sides(self) -> int:
         """Number of switches."""
-        return 0 if self.switching is None else len(self.switching.words)
+        return 0 if self.switching is None else len(self.switching.looked_at)
 
     @property
     def mode_rows(self) -> int:
