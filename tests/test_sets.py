@@ -12,7 +12,7 @@ import scipy.linalg
 
 import acausal as ac
 from acausal.collocation.problem import StatusKind
-from acausal.errors import ModelError, OptionError, ParameterError, SimulationError
+from acausal.errors import ModelError, OptionError, ParameterError, SimulationError, StartValueError
 from acausal.language.mode_laws import ModeLaw
 from components import (
     Brake,
@@ -235,6 +235,23 @@ def test_ratchet_keeps_what_has_been_climbed() -> None:
     assert run[scene.ratchet.push][-1] == pytest.approx(2 * g, rel=1e-12)
     assert run.transitions.energy_lost.sum() == pytest.approx(v**2 - 2 * g * pitch * teeth, rel=1e-11)
     assert run.energy_error() < 1e-11
+
+
+def test_what_is_remembered_begins_with_a_number_or_says_what_does_not() -> None:
+    """Teeth whose pitch grows as the time, which is nothing at the start: 0 / 0 of them are passed. Later it counts."""
+    rate, v = 0.3, 2.0
+    scene = falling(gravity=0.0)
+    scene.wall = TranslationalGround()
+    scene.ratchet = Ratchet(scene.wall.flange, scene.mass.flange_a, rate * ac.time)
+    model = ac.build(scene)
+    with pytest.raises(SimulationError, match=r"ratchet\.tooth begins with what is no number"):
+        model.simulate(1.0, {scene.mass.v: v})
+    for ask in (model.equilibrium, model.linearize):
+        with pytest.raises(StartValueError, match=r"ratchet\.tooth begins with what is no number"):
+            ask()
+    run = model.simulate(5.0, {scene.mass.s: 0.25, scene.mass.v: v}, t0=0.5)
+    assert run[scene.ratchet.tooth] == pytest.approx(np.floor(run[scene.mass.s] / (rate * run.t)))
+    assert run.constraint_error() < 1e-12
 
 
 def test_limiter_saturates() -> None:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.errors import StartValueError
 from acausal.numerics.bound import Columns, dense
 from acausal.numerics.folding import folded_function
 from acausal.numerics.rounding import Rounding
@@ -32,7 +33,7 @@ class OperatingPoint:
 def operating_point(functions: Functions, at: Situation, states: Sequence[float] | np.ndarray | None = None) -> OperatingPoint:
     """Consistent states from start values as for a simulation, or all `states` (nx,).
 
-    Raises `StartValueError` when these have another length, or violate the constraints.
+    Raises `StartValueError` when these have another length, or violate the constraints, and where what parts remember begins with no number.
     """
     x = at.initial(functions).x if states is None else consistent_states(functions, states, at.t0, at.p)
     u, given, modes = at.u(functions), at.discretes(functions), functions.modes
@@ -40,6 +41,9 @@ def operating_point(functions: Functions, at: Situation, states: Sequence[float]
         assert given is not None and modes is not None and modes.set is not None
         begun = np.array(modes.set.values(at.t0, x, u, at.p)).ravel()[: given.size]
         u[u.size - given.size :] = np.where(np.isnan(given), begun, given)
+    if given is not None and modes is not None and modes.set is not None:
+        for k in np.flatnonzero(~np.isfinite(u[u.size - given.size :])).tolist():
+            raise StartValueError(modes.set.no_beginning(k))
     return OperatingPoint(at.t0, x, u, at.p)
 
 

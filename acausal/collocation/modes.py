@@ -26,8 +26,17 @@ class SetFunctions:
     targets: tuple[int, ...]
     words: tuple[str, ...]
     target_words: tuple[str, ...]
+    remembered: tuple[str, ...]
+    """What each discrete value is called."""
     locks: tuple[str, ...] = ()
     """What each row is called that something may be held by: (t, x, u, p) gives these gaps before the guards' rates, then the terms that they are made of; 0 where nothing is."""
+
+    def no_beginning(self, k: int) -> str:
+        """That a discrete value begins with what is no number, in words."""
+        return (
+            f"{self.remembered[k]} begins with what is no number: its start has no value there, as by a division by zero or a root of what is negative. "
+            "Begin elsewhere, or say what it begins with in `start`."
+        )
 
 
 @dataclass(frozen=True, eq=False)

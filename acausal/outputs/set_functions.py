@@ -60,6 +60,7 @@ def set_functions(outputs: Outputs, space: StateSpace, events: Iterable[when] = 
     return SetFunctions(
         function("set_guards", guards), function("set", [*starts, *values, *meeting, *(setter.slope(guard) for guard in guards)]), tuple(setting.event.sign for setting in found),
         tuple(first), tuple(targets), tuple(setting.who for setting in found), tuple(words),
+        tuple(map(outputs.name, discretes)),
         () if locks is None else locks.words,
     )  # fmt: skip
 

@@ -145,9 +145,10 @@ static enum Code begin_motion(Integrator *I) {
     T->start = I->t;
     T->knot = next_knot(I, I->t - aside(I, I->t));
     if (!keep(I, 0)) return OUT_OF_MEMORY;
-    if (I->discretes && !begin_discretes(I)) return INPUT_FAILED;
+    enum Code code = I->discretes ? begin_discretes(I) : REACHED_END;
+    if (code != REACHED_END) return code;
     if (I->held && !begin_sides(I)) return INPUT_FAILED;
-    enum Code code = changes_modes(I) ? begin_modes(I) : REACHED_END;
+    if (changes_modes(I)) code = begin_modes(I);
     T->begun = code == REACHED_END;
     return code;
 }

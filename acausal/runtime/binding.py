@@ -44,6 +44,7 @@ class Code(enum.IntEnum):
     GAINS = 20
     SETS_APART = 21
     FALLS = 22
+    BEGINS_NO_NUMBER = 23
 
 
 class Method(ctypes.Structure):

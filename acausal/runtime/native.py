@@ -572,6 +572,8 @@ class Run:
         if code in _OF_SETS and modes is not None and modes.set is not None:
             words = modes.set.words[core.worst], modes.set.target_words[core.other]
             return Outcome(Status(StatusKind.CANNOT_SET, core.t, _OF_SETS[code].format(*words)))
+        if code == Code.BEGINS_NO_NUMBER and modes is not None and modes.set is not None:
+            return Outcome(Status(StatusKind.CANNOT_SET, core.t, modes.set.no_beginning(core.other)))
         if code == Code.SETS_APART and modes is not None and modes.set is not None:
             who, _, unit = modes.set.locks[core.worst].partition("|")
             return Outcome(Status(StatusKind.CANNOT_SET, core.t, _APART.format(who, f"{core.apart:.4g}{unit}")))

@@ -75,7 +75,8 @@ enum Code {
     TIED,            /* impacts one after the other, and several at once: rows `worst` and `other` */
     GAINS,           /* energy is gained in an impact of row `worst` */
     SETS_APART,      /* row `worst` of locks is held, and does not meet: by `apart` */
-    FALLS            /* the gap of one-sided row `worst` is negative in the middle of the motion, by `apart` */
+    FALLS,           /* the gap of one-sided row `worst` is negative in the middle of the motion, by `apart` */
+    BEGINS_NO_NUMBER /* discrete value `other` begins with what is no number */
 };
 
 /* What derivatives do not go through. */

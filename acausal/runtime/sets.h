@@ -44,8 +44,8 @@ static int begin_discrete_directions(Integrator *I) {
     return 1;
 }
 
-/* Discrete values at the start. Returns 0 when the input function failed. */
-static int begin_discretes(Integrator *I) {
+/* Discrete values at the start. */
+static enum Code begin_discretes(Integrator *I) {
     struct State *T = I->state;
     V *in = T->set_in;
     double *value = T->side + first_discrete(I);
@@ -54,7 +54,7 @@ static int begin_discretes(Integrator *I) {
         int changed = 0;
         in[0] = v_all(I->t);
         for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(I->x[i]);
-        if (!inputs_at(I, in[0], 1, in + 1 + I->nx)) return 0;
+        if (!inputs_at(I, in[0], 1, in + 1 + I->nx)) return INPUT_FAILED;
         run_kernel(&I->set, in, T->set_c, T->set_out, T->work);
         for (long k = 0; k < I->discretes; k++) {
             if (I->discrete_start && isfinite(I->discrete_start[k])) continue;
@@ -63,7 +63,9 @@ static int begin_discretes(Integrator *I) {
         }
         if (!changed) break;
     }
-    return !I->directions || begin_discrete_directions(I);
+    for (I->other = 0; I->other < I->discretes; I->other++)
+        if (!isfinite(value[I->other])) return BEGINS_NO_NUMBER;
+    return !I->directions || begin_discrete_directions(I) ? REACHED_END : INPUT_FAILED;
 }
 
 /* Rates of all guards at (t, x) into `slope`, 0 where they are no more than rounding. Returns 0 when the input function failed. */
