@@ -22,7 +22,7 @@ from acausal.numerics.assembly import freedom
 from acausal.numerics.one_thread import on_one_thread
 from acausal.numerics.thresholds import EDGE
 from acausal.outputs.functions import Functions
-from acausal.outputs.infinite import without_value
+from acausal.outputs.infinite import forces_without_value, without_value
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.situation import Situation
 from acausal.start.start_values import softened
@@ -159,6 +159,7 @@ def _all(at: OperatingPoint) -> np.ndarray:
 
 
 @on_one_thread
+@np.errstate(all="ignore")
 def equilibrium(
     own: Functions, functions: Functions, at: Situation, free: Sequence[Input | Parameter], steady: Steady
 ) -> Equilibrium:
@@ -239,7 +240,8 @@ class _Elsewhere:
                     f"where the loop closed by '{rows.edge.name}' ({rows.edge.joint.created_at}) is put together otherwise, with axes of this "
                     "joint that point against one another."
                 )
-        return ""
+        lost = forces_without_value(self._functions, at.t, at.x, at.u, at.p)
+        return f"in a singular place. {lost}" if lost else ""
 
     @functools.cached_property
     def _signs(self) -> Callable[..., Any]:

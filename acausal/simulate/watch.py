@@ -16,6 +16,7 @@ from acausal.errors import AccuracyWarning
 from acausal.numerics.rounding import Rounding
 from acausal.numerics.thresholds import ROUNDING
 from acausal.outputs.functions import Functions
+from acausal.outputs.infinite import without_value
 from acausal.simulate.blame import condition, energy_cause
 from acausal.simulate.looks import at_steps, inputs_at_steps
 from acausal.simulate.trajectory import Trajectory
@@ -75,6 +76,8 @@ def warn_if_inaccurate(functions: Functions, run: Trajectory, rtol: float, atol:
     if not np.isfinite(as_found[2:]).all() and np.isfinite(run.steps.x[:, some]).all():
         _has_no_constraints(functions, run)
         return
+    if functions.energy_told and not np.isfinite(as_found[:2]).all() and np.isfinite(x[:, some]).all():
+        _has_no_energy(functions, run)
     if not math.isfinite(np.add.reduce(spread)):
         return
     doubtful = (np.abs(as_found[2:]) > _LOOSE * changes[2:]).any()
@@ -90,6 +93,19 @@ def _has_no_constraints(functions: Functions, run: Trajectory) -> None:
         f"From t = {run.steps.t[begin]:.6g} s on nothing says whether the motion keeps its constraints: {condition(functions, row)} is no number there. "
         "What nonlinear equations give may have jumped with a source or a law. The motion from there on is not reliable; give jumps a short time to rise, "
         "or look at run.constraint_error().",
+        AccuracyWarning, stacklevel=callers_level(),
+    )  # fmt: skip
+
+
+def _has_no_energy(functions: Functions, run: Trajectory) -> None:
+    """Warn that an energy is no number: no balance says then whether the motion can be relied on."""
+    begin = int(np.argmin(np.isfinite(at_steps(functions, run, functions.watched)[:2]).all(axis=0)))
+    t = float(run.steps.t[begin])
+    words = without_value(
+        functions, t, run.steps.x[:, begin], inputs_at_steps(run, np.array([begin]))[:, 0], run.problem.parameters
+    )
+    warnings.warn(
+        f"At t = {t:.6g} s the energy of the motion is infinite or not a number, and nothing says whether its balance holds. {words or 'A law may divide by zero there.'}",
         AccuracyWarning, stacklevel=callers_level(),
     )  # fmt: skip
 

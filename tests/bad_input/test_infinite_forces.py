@@ -1,12 +1,13 @@
 """Forces that are infinite or no numbers are named, with what to do, whatever is asked of the model."""
 
 import re
+from functools import partial
 
 import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import AcausalError, EquilibriumError, SimulationError, StartValueError
+from acausal.errors import AcausalError, AccuracyWarning, EquilibriumError, SimulationError, StartValueError
 from components import CentralField, Force, MutualGravitation, Particle, Revolute, RigidBody, Spring, TorqueSource, World
 
 
@@ -109,3 +110,54 @@ def test_a_torque_without_a_value_at_the_start_says_so_and_nothing_else_does() -
         model.simulate(1.0)
     q = float(model.equilibrium()[scene.hinge.q])
     assert q * np.sin(q) == pytest.approx(1 / (9.81 * 0.5))
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
+def test_what_is_held_in_the_centre_of_a_field_is_told_of_though_nothing_moves_it(size: float) -> None:
+    """By symmetry the field does nothing there to a body on a hinge: neither an equilibrium nor a balance of energies has a meaning. Beside it both have."""
+    for offset in (0.0, 0.3 * size):
+        scene = ac.System()
+        scene.world, scene.hinge, scene.wheel = (
+            World((0, 0, 0)),
+            Revolute("y"),
+            RigidBody(2.0, inertia=np.array([1, 2, 2.5]) * size**2),
+        )
+        scene.sun = CentralField(size**3)
+        scene.connect(scene.world.at((0.0, offset, 0.0)), scene.hinge.frame_a)
+        scene.connect(scene.hinge.frame_b, scene.wheel.frame)
+        model = ac.build(scene)
+        if offset:
+            assert model.equilibrium().residual < 1e-9
+            model.simulate(0.1, {scene.hinge.v: 1.0})
+            continue
+        with pytest.raises(EquilibriumError, match=r"but one in a singular place\. The energy of 'sun\[wheel\]' \(.*\.py:\d+\)"):
+            model.equilibrium()
+        with pytest.warns(
+            AccuracyWarning, match=r"energy of the motion is infinite .* The energy of 'sun\[wheel\]' \(.*\.py:\d+\)"
+        ):
+            model.simulate(0.1, {scene.hinge.v: 1.0})
+
+
+def test_the_part_is_named_whose_own_law_has_no_value() -> None:
+    """And not those that take over what another one gives."""
+    laws = (
+        lambda s: 1 / s.hinge.q,
+        lambda s: 1 / ac.time,
+        lambda s: lambda t: 1 / t,
+        lambda s: np.sqrt(s.hinge.q - 1),
+        lambda s: 2 / s.hinge.v,
+    )
+    for law in laws:
+        scene = ac.System()
+        scene.world, scene.hinge, scene.rod = World((0, 0, -9.81)), Revolute("y"), RigidBody.rod(1.0, (0, 0, -1.0))
+        scene.motor = TorqueSource(law(scene))
+        scene.brake = TorqueSource(0.1 * ac.der(scene.hinge.v))
+        scene.connect(scene.world.frame, scene.hinge.frame_a)
+        scene.connect(scene.hinge.frame_b, scene.rod.frame)
+        scene.connect(scene.motor.flange, scene.hinge.flange, scene.brake.flange)
+        model = ac.build(scene)
+        for ask in (partial(model.simulate, 1.0), model.linearize):
+            with pytest.raises(
+                (SimulationError, StartValueError), match=r"What 'motor' \(.*\.py:\d+\) is given is infinite or not a number"
+            ):
+                ask()
