@@ -98,3 +98,15 @@ def test_samples_are_taken_at_every_period_at_any_tolerance(rtol: float) -> None
         begins = period * np.arange(np.ceil(end / period))
         exact = np.sum(np.sin(speed * begins) * np.diff([*begins, end]))
         assert run[scene.sum.x][-1] == pytest.approx(exact, abs=1e-11)
+
+
+@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-5, 1e-9, 1e-13])
+@pytest.mark.parametrize(("period", "count"), [(0.1, 3), (1 / 3, 10), (7e-6, 7), (4e5, 2)])
+def test_the_sample_at_the_last_instant_is_taken_at_any_tolerance(period: float, count: int, rtol: float) -> None:
+    scene = ac.System()
+    scene.source, scene.sampler, scene.sum = TimeFunction(lambda t: np.cos(t / period)), SampleAndHold(period), Integrator()
+    scene.connect(scene.source.output, scene.sampler.input)
+    scene.connect(scene.sampler.output, scene.sum.input)
+    run = ac.build(scene).simulate(count * period, rtol=rtol, atol=rtol * period)
+    assert [transition.time for transition in run.transitions] == pytest.approx(period * np.arange(1, count + 1), rel=1e-14)
+    assert run[scene.sampler.output.value][-1] == pytest.approx(np.cos(count), abs=1e-13)

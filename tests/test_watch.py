@@ -342,6 +342,10 @@ def test_energies_that_are_told_wrongly_are_named_however_they_are_written(plain
             model.simulate(3.0, {scene.rail.q: 1.0})
 
 
+def _excess(i: float, voltage: float, R: float, V: float, saturation: float) -> float:
+    return voltage - R * i - V * np.log1p(i / saturation)
+
+
 def test_runs_that_miss_the_law_of_a_part_say_so_and_no_others() -> None:
     """A diode that begins without a current of its own: v = R i + V log(i / (rate t) + 1) jumps at the start, too fast for any step where the source is strong."""
     wrong = dict[float, bool]()
@@ -366,10 +370,7 @@ def test_runs_that_miss_the_law_of_a_part_say_so_and_no_others() -> None:
             warnings.simplefilter("always")
             run = ac.build(scene).simulate(1.0)
             run = run.at(run.steps.t)
-        true = [
-            brentq(lambda i, t=t: voltage - R * i - V * np.log1p(i / (rate * t)), 0.0, voltage / R, xtol=1e-300)
-            for t in run.t[1:]
-        ]
+        true = [brentq(_excess, 0.0, voltage / R, (voltage, R, V, rate * t), xtol=1e-300) for t in run.t[1:]]
         wrong[voltage] = not np.allclose(run[scene.diode.i][1:], true, rtol=1e-4)
         assert wrong[voltage] == any(
             "leaves its constraints" in str(one.message) and "diode" in str(one.message) for one in said

@@ -102,7 +102,7 @@ static int look_ahead(Integrator *I, double planned) {
     double *value = T->set_rows, *side = T->set_rows + n, *slope = T->set_rows + 2 * n, *zero = T->set_rows + 4 * n, *rest = T->set_rows + 5 * n, *x = T->set_x, *rate = T->most;
     if (!rows_at(I, I->t, I->x)) return 0;
     for (long k = 0; k < n; k++) {
-        int rests = rests_at_zero(I, first + k, T->one_row[first + k], I->t, I->x);
+        int rests = rests_at_zero(I, first + k, T->one_row[first + k], I->t, I->x, planned);
         if (rests < 0) return 0;
         rest[k] = rests ? at_rest(I, first + k) : 0;
         double s = T->set_side[k], noise = fmax(MET * T->row_noise[first + k], fmax(zero[k], rest[k]));

@@ -474,12 +474,12 @@ static double known_by_states(Integrator *I, long row, double t, const double *x
     return most * ROUNDINGS * ROUNDINGS * I->rtol / (MOVED * EPS);
 }
 
-/* Whether such a guard rests at zero: it is as near as the tolerance tells, and so it is at the end if it goes on as it does here. -1: the input function failed. */
-static int rests_at_zero(Integrator *I, long row, double value, double t, const double *x) {
+/* Whether such a guard rests at zero: it is as near as the tolerance tells, and so it is at the end, or `ahead` of here, if it goes on as it does here. -1: the input function failed. */
+static int rests_at_zero(Integrator *I, long row, double value, double t, const double *x, double ahead) {
     double *slope = I->state->set_rows + 2 * I->set_count, known = at_rest(I, row), rounded = MET * I->state->row_noise[row];
     if (!(fabs(value) <= known)) return 0;
     if (!find_set_slopes(I, slope)) return -1;
-    double most = fmax(fabs(value), fabs(slope[row - first_set(I)] * (I->end - I->t)));
+    double most = fmax(fabs(value), fabs(slope[row - first_set(I)] * fmax(I->end - I->t, ahead)));
     if (!(most <= known)) return 0;
     double by_states = most <= rounded ? known : known_by_states(I, row, t, x);
     return by_states < 0 ? -1 : most <= by_states || by_states >= 0.5 * known; /* what else but time it depends on is as rounded as rounding tells */
@@ -513,7 +513,7 @@ static double first_switch(Path *p, struct Landing *L) {
         p->noise = T->row_noise[r];
         if (r >= first_set(I) && r < I->mode_rows) { /* what is at zero has passed where it is seen to get away */
             if (fabs(v[0]) <= MET * p->noise) p->noise *= MET;
-            int rests = rests_at_zero(I, r, v[0], p->t + p->h, p->stop);
+            int rests = rests_at_zero(I, r, v[0], p->t + p->h, p->stop, p->h);
             if (rests < 0) return -1;
             if (rests) p->noise = fmax(p->noise, fabs(v[0]) + at_rest(I, r));
             if (rests && fabs(v[POINTS - 1]) <= p->noise) continue; /* the inside of a step is known less well than its ends */
