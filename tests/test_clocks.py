@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from components import Force, Integrator, Particle, Prismatic, SampleAndHold, TimeFunction, World
+from components import Force, Integrator, Particle, Prismatic, Relay, SampleAndHold, TimeFunction, World
 
 T = ac.time.sx
 
@@ -110,3 +110,27 @@ def test_the_sample_at_the_last_instant_is_taken_at_any_tolerance(period: float,
     run = ac.build(scene).simulate(count * period, rtol=rtol, atol=rtol * period)
     assert [transition.time for transition in run.transitions] == pytest.approx(period * np.arange(1, count + 1), rel=1e-14)
     assert run[scene.sampler.output.value][-1] == pytest.approx(np.cos(count), abs=1e-13)
+
+
+@pytest.mark.parametrize("options", [{}, {"method": "radau"}, {"step": 0.05}, {"compiled": False}])
+def test_what_time_alone_moves_switches_where_nothing_has_a_state(options: dict[str, object]) -> None:
+    """A relay of a sine, samples of it, and an event of a run: as where something is integrated beside them."""
+    speed, period, end = 7.0, 0.13, 2.0
+    scene = ac.System()
+    scene.source, scene.relay, scene.sampler = TimeFunction(lambda t: np.sin(speed * t)), Relay(-0.5, 0.5), SampleAndHold(period)
+    scene.connect(scene.source.output, scene.relay.input, scene.sampler.input)
+    model = ac.build(scene)
+    assert not model.state_names
+    run = model.simulate(end, events=[ac.when(scene.source.output.value)], samples=[0.0, 1.0, end], **options)
+    up, down = np.arcsin(0.5) + 2 * np.pi * np.arange(9), np.arcsin(0.5) + np.pi * (2 * np.arange(9) + 1)
+    flips = np.concatenate([up, down]) / speed
+    changes = np.sort(np.concatenate([flips[flips < end], period * np.arange(1, int(end / period) + 1)]))
+    assert [transition.time for transition in run.transitions] == pytest.approx(changes, rel=1e-12)
+    assert [event.time for event in run.events] == pytest.approx(
+        np.pi / speed * np.arange(1, int(end * speed / np.pi) + 1), rel=1e-12
+    )
+    last = period * np.floor(run.t / period)
+    assert run[scene.sampler.output.value] == pytest.approx(np.sin(speed * last), abs=1e-12)
+    assert run[scene.relay.output.value] == pytest.approx([0, 1, 1])
+    stopped = model.simulate(end, events=[ac.when(scene.source.output.value, stop=True)], **options)
+    assert stopped.t[-1] == pytest.approx(np.pi / speed, rel=1e-12)

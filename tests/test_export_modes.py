@@ -17,7 +17,7 @@ import pytest
 import acausal as ac
 from acausal.language.expression import Expression
 from acausal.language.mode_laws import ModeLaw
-from components import PointLatch, Revolute, RigidBody, World
+from components import PointLatch, Revolute, RigidBody, SampleAndHold, TimeFunction, World
 from tests.exported import (
     AUTO,
     CONDITION,
@@ -286,3 +286,21 @@ static int uses(simulator_instance *s) {
     return bad + simulator_start(s, 1.0) + go(s, 2.5);
 }
 """
+
+
+def test_what_time_alone_moves_switches_in_the_program_too_where_nothing_has_a_state() -> None:
+    speed, period = 7.0, 0.13
+    scene = ac.System()
+    scene.source, scene.sampler = TimeFunction(np.sin(speed * ac.time)), SampleAndHold(period)
+    scene.connect(scene.source.output, scene.sampler.input)
+    crossing = ac.when(scene.source.output.value)
+    folder = ac.build(scene).export_simulator(
+        Path(SCRATCH.name) / "clock", {}, outputs={"held": scene.sampler.output.value}, events=[crossing]
+    )
+    instance = Library(folder).instance()
+    assert instance.started() == instance.set_end(2.0) == SUCCESS
+    found: list[float] = []
+    for t in (0.07, 0.4, 0.95, 1.37, 2.0):
+        found += [event.time for event in instance.events(t)]
+        assert instance.all(OUTPUT) == pytest.approx([np.sin(speed * period * np.floor(t / period))], abs=1e-12)
+    assert found == pytest.approx(np.pi / speed * np.arange(1, 5), rel=1e-12)

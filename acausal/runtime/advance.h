@@ -189,8 +189,9 @@ static enum Code run_steps(Integrator *I) {
         if (code != REACHED_END) return code;
         if (I->block && I->t > t) return PAUSED; /* what has been bridged is read before the next step */
     }
-    if (I->t < I->end && I->nx && I->step == 0 && I->h == 0 && !first_step(I)) return INPUT_FAILED;
-    while (I->t < I->end && I->nx) {
+    if (!I->nx && !I->set_count && !I->guards) return REACHED_END; /* nothing moves, and nothing is looked for */
+    if (I->t < I->end && I->step == 0 && I->h == 0 && !first_step(I)) return INPUT_FAILED;
+    while (I->t < I->end) {
         if (I->steps >= I->max_steps) return TOO_MANY_STEPS;
         if (T->newton_now && !present(&I->jvp)) return NEEDS_JACOBIAN;
         double end = I->end, stop;

@@ -584,7 +584,7 @@ class Run:
     def solution(self, status: Status, stopped: bool = False) -> Solution:
         """What has been computed so far."""
         core, nx = self.core, self.native.nx
-        if nx == 0:
+        if nx == 0 and core.steps == core.first:
             t, x = np.array([core.t, core.end] if core.end > core.t else [core.t]), np.zeros((0, 2 if core.end > core.t else 1))
         else:
             t, x = self._times().copy(), self._states().T.copy()
