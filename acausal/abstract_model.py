@@ -206,7 +206,8 @@ class AbstractModel(ABC):
         """`outputs` at `times` [s] as a CasADi function of the values of `wrt` (n,): (n,) -> (size of outputs, times).
 
         It has exact first derivatives (see `sensitivities`) in both directions, for `ca.nlpsol` and `ca.Opti`; give the optimiser
-        `hessian_approximation="limited-memory"`. Keep a reference to it as long as it is used.
+        `hessian_approximation="limited-memory"`. NaN where values are not finite, a start cannot be assembled or a motion fails; its `failure` says why.
+        Keep a reference to it as long as it is used.
         """
         from acausal.simulate.sensitivity import Motion, TrajectoryFunction
 

@@ -198,6 +198,8 @@ def test_trajectory_function_is_nan_exactly_where_the_start_cannot_close():
         value = f([length, angle])
         assert (np.isfinite(np.array(value)).all(), np.isnan(np.array(value)).all()) == (closes, not closes)
         assert np.isfinite(np.array(J([length, angle], value))).all() == closes
+        assert ("not finite: [1.2, nan]" in f.failure) == np.isnan(angle)
+        assert bool(f.failure) != closes
     with pytest.raises(StartValueError):  # what no values can mend is told at once
         model.trajectory_function((0.0, 1.0), scene.c.q, [scene.length], {ac.time: 1.0})
     with pytest.raises(OptionError, match="not a parameter"):

@@ -135,8 +135,8 @@ class TrajectoryFunction(ca.Callback):
     """values of `wrt` (n,) -> outputs at all times, one column a time: a CasADi function with exact first derivatives.
 
     Values and derivatives come from the same integration, which is not repeated for the same argument. Second derivatives do not
-    exist: use a limited-memory Hessian in optimisers. Where a start cannot be assembled or a motion fails, the result is NaN. Keep a
-    reference as long as it is used.
+    exist: use a limited-memory Hessian in optimisers. Where the values are not finite, a start cannot be assembled or a motion fails,
+    the result is NaN, since a CasADi function cannot say more, and `failure` says why. Keep a reference as long as it is used.
     """
 
     def __init__(self, name: str, motion: Motion) -> None:
@@ -149,6 +149,11 @@ class TrajectoryFunction(ca.Callback):
         self._name, self._motion = name, motion
         self._derivatives: list[ca.Callback] = []
         self.construct(name, {})
+
+    @property
+    def failure(self) -> str:
+        """Why there is no motion of the values that it was asked for last; empty if there is one."""
+        return self._motion.failure
 
     def __reduce__(self) -> tuple[Any, ...]:
         return TrajectoryFunction, (self._name, self._motion)
@@ -240,8 +245,13 @@ class Motion:
         return self.functions.outputs.resolve(self.outputs).numel(), self.times.size
 
     @functools.cached_property
-    def _last(self) -> dict[bytes, tuple[np.ndarray, np.ndarray]]:
+    def _last(self) -> dict[bytes, tuple[np.ndarray, np.ndarray, str]]:
         return {}
+
+    @property
+    def failure(self) -> str:
+        """Why there is no motion of the last values; empty if there is one."""
+        return next((why for _, _, why in self._last.values()), "")
 
     def __call__(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Values (size, m) and derivatives (size * m, n); NaN where there is no such motion."""
@@ -249,9 +259,9 @@ class Motion:
         if key not in self._last:
             self._last.clear()
             self._last[key] = self._evaluate(values)
-        return self._last[key]
+        return self._last[key][:2]
 
-    def _evaluate(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _evaluate(self, values: np.ndarray) -> tuple[np.ndarray, np.ndarray, str]:
         flat = self.functions.outputs.system.flat
         start, inputs, p = self.at.start, dict(self.at.inputs), self.at.p.copy()
         at = 0
@@ -267,10 +277,10 @@ class Motion:
         rows, m = self.shape_out
         try:
             if not np.isfinite(values).all():
-                raise ParameterError("no motion belongs to values that are not finite")
+                raise ParameterError(f"No motion belongs to values that are not finite: {values.tolist()}.")
             flat.conditions.check(p[: len(flat.parameters)])
             found = self.sensitivities(replace(self.at, start=start, inputs=inputs, p=p))
-        except _NO_MOTION:
-            return np.full((rows, m), np.nan), np.full((rows * m, values.size), np.nan)
+        except _NO_MOTION as error:
+            return np.full((rows, m), np.nan), np.full((rows * m, values.size), np.nan), str(error)
         value, slopes = found.total_derivative(self.outputs)
-        return value, slopes.reshape(m * rows, values.size)
+        return value, slopes.reshape(m * rows, values.size), ""
