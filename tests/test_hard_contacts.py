@@ -374,6 +374,49 @@ def test_what_hangs_after_jerks_without_end_depends_on_them_as_differences_say(s
         assert told == pytest.approx((back - 8 * before + 8 * after - on) / (12 * step), abs=1e-9)
 
 
+def rests_on_a_shaken_table(high: float, rate: float, shaken: float, e: float) -> float:
+    """When a ball that is let go above a table at shaken sin(rate t) comes to rest on it: parabolas, in differences that do not cancel."""
+    t, v, gap = 0.0, -shaken * rate, high
+
+    def opening(s: float) -> float:  # its mean speed in a time s
+        x = rate * s / 2
+        moved = 2 * np.sin(x) * (np.cos(rate * t + x) - np.cos(rate * t)) + 2 * np.cos(rate * t) * (np.sin(x) - x)
+        return gap / s + v - G * s / 2 - shaken * moved / s
+
+    while True:
+        down = G - shaken * rate**2 * np.sin(rate * t)
+        s = 1e-3 if gap else 2 * v / down
+        if s < 1e-12:
+            return t + s / (1 - e)
+        s /= 4
+        while opening(s) > 0:
+            s *= 1.05
+        s = brentq(opening, s / 1.05, s, xtol=1e-300, rtol=1e-15)
+        v = -e * (v - G * s + 2 * shaken * rate * np.sin(rate * t + rate * s / 2) * np.sin(rate * s / 2))
+        t, gap = t + s, 0.0
+
+
+@pytest.mark.parametrize(("seed", "restitution"), [(9, 0.8), (13, 0.9)])
+def test_a_ball_comes_to_rest_on_a_shaken_table_when_it_should(seed: int, restitution: float) -> None:
+    """Of extrapolations some agree by chance, before they are right."""
+    draw = np.random.default_rng(seed)
+    high, rate = draw.uniform(0.05, 0.5), draw.uniform(1, 6)
+    shaken = draw.uniform(0.1, 0.6) * G / rate**2
+    scene = ac.System()
+    scene.world, scene.table = World(), PrescribedMotion(position=(0, 0, shaken * np.sin(rate * ac.time)))
+    scene.ball, scene.rail = Particle(1.0), Prismatic("z")
+    scene.contact = PointOnPlane(unilateral=True, restitution=restitution)
+    scene.connect(scene.world.frame, scene.table.frame_a)
+    scene.connect(scene.table.frame_b, scene.contact.frame_a)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.ball.point)
+    scene.connect(scene.contact.frame_b, scene.ball.point)
+    rest = rests_on_a_shaken_table(high, rate, shaken, restitution)
+    run = ac.build(scene).simulate(1.02 * rest, {scene.rail.q: high, scene.rail.v: 0.0}, rtol=1e-12, compiled=False)
+    assert run.transitions[-1].time == pytest.approx(rest, rel=INSTANT)
+    assert run[scene.rail.q][-1] == pytest.approx(shaken * np.sin(rate * 1.02 * rest), abs=1e-14)
+
+
 @pytest.mark.parametrize("speed", [1.0, 3.0])
 def test_a_particle_runs_off_a_table_with_a_round_edge(speed: float) -> None:
     """At once where v^2 > g R, else further down, where v^2 = g R cos: cos = 2/3 + v^2 / (3 g R)."""

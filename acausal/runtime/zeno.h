@@ -4,7 +4,7 @@
    where what bounces turns round, belongs to the sequence if it changes each time. */
 
 #define REMEMBERED 128 /* impacts */
-#define SEQUENCE 7     /* of a sequence that is extrapolated, at most */
+#define SEQUENCE 10    /* of a sequence that is extrapolated, at most */
 #define FEWEST 4
 #define PERIODS 4     /* impacts of different rows take turns: so many at most */
 #define AGREES 1e-9   /* in units of the sizes of states: how well extrapolations must agree */
@@ -84,26 +84,45 @@ static void note_impact(Integrator *I, long row) {
     T->between = 0;
 }
 
+/* What so many impacts so far apart, up to one of them, converge to, in a state, or in time since the first one (-1), and by how much the last two guesses differ. */
+static double limit_up_to(const Integrator *I, long at, long apart, int count, long state, double *error) {
+    const struct State *T = I->state;
+    double value[SEQUENCE] = {0}, size[SEQUENCE] = {0};
+    for (int k = 0; k < count; k++) {
+        long impact = (at - (count - 1 - k) * apart) % REMEMBERED;
+        value[k] = state < 0 ? T->impact_t[impact] - T->first_impact : T->impact_x[impact * I->nx + state];
+        size[k] = T->impact_size[impact];
+    }
+    return limit_of_sequence(size, value, count, error);
+}
+
+/* The same, up to the last one. Guesses may agree by chance: not also with the one that was made one period earlier, whose errors have shrunk since then. */
+static double last_limit(const Integrator *I, long at, long period, long apart, int count, long state, double *error) {
+    const struct State *T = I->state;
+    double nothing, before = limit_up_to(I, at - period, apart, count, state, &nothing), found = limit_up_to(I, at, apart, count, state, error);
+    double shrinks = pow(T->impact_size[at % REMEMBERED] / T->impact_size[(at - period) % REMEMBERED], count);
+    *error = fmax(*error, fabs(found - before) / (1 - shrinks));
+    return found;
+}
+
 /* What so many impacts so far apart, up to the last one, converge to, if to something better than what is known, in time or state; whether it is. What is wrong of an instant is so of
    all that follow: it shrinks as they do. */
 static int is_foreseen(Integrator *I, long at, long period, long apart, int count) {
     struct State *T = I->state;
-    long n = I->nx, last[SEQUENCE];
-    double s[SEQUENCE] = {0}, size[SEQUENCE] = {0}, noise[SEQUENCE], error, *x = T->later_x, shrinks = T->impact_size[at % REMEMBERED] / T->impact_size[(at - period) % REMEMBERED];
+    long n = I->nx;
+    double size[SEQUENCE] = {0}, noise[SEQUENCE] = {0}, error, *x = T->later_x, shrinks = T->impact_size[at % REMEMBERED] / T->impact_size[(at - period) % REMEMBERED];
     for (int k = 0; k < count; k++) {
-        last[k] = (at - (count - 1 - k) * apart) % REMEMBERED;
-        s[k] = T->impact_t[last[k]] - T->first_impact;
-        size[k] = T->impact_size[last[k]];
-        noise[k] = EPS * fabs(T->impact_t[last[k]]) + T->impact_noise[last[k]] / (1 - shrinks);
-        if (k && !(size[k] < 0.999 * size[k - 1])) return 0;
+        long impact = (at - (count - 1 - k) * apart) % REMEMBERED, before = (at - period - (count - 1 - k) * apart) % REMEMBERED;
+        size[k] = T->impact_size[impact];
+        noise[k] = EPS * fabs(T->impact_t[impact]) + T->impact_noise[impact] / (1 - shrinks);
+        if (!(size[k] < 0.999 * T->impact_size[before]) || (k && !(size[k] < 0.999 * size[k - 1]))) return 0;
     }
-    double now = s[count - 1], rest = limit_of_sequence(size, s, count, &error), doubt = noise_of_limit(size, noise, count) / rest;
+    double now = T->impact_t[at % REMEMBERED] - T->first_impact, rest = last_limit(I, at, period, apart, count, -1, &error), doubt = noise_of_limit(size, noise, count) / rest;
     if (!(rest > now)) return 0;
     double missed = error / rest, worst = missed;
     for (long i = 0; i < n; i++) {
-        for (int k = 0; k < count; k++) s[k] = T->impact_x[last[k] * n + i];
         double left;
-        x[i] = limit_of_sequence(size, s, count, &left);
+        x[i] = last_limit(I, at, period, apart, count, i, &left);
         if (T->size[i] > 0) worst = fmax(worst, left / T->size[i]);
     }
     if (T->rest_t <= I->t) forget_rest(I); /* of others that are over */
@@ -126,8 +145,10 @@ static void foresee_rest(Integrator *I, long row) {
     for (long period = 1; period <= PERIODS; period++) {
         long repeated = 0, better = 0;
         while (repeated + period <= at && repeated + period < REMEMBERED && are_alike(T, at - repeated, at - repeated - period)) repeated++;
-        if (repeated / period + 1 < FEWEST) continue;
-        for (long apart = period; repeated / apart + 1 >= FEWEST; apart *= 2) better |= is_foreseen(I, at, period, apart, (int)(repeated / apart < SEQUENCE ? repeated / apart + 1 : SEQUENCE));
+        long known = repeated - period; /* with one period before */
+        if (known / period + 1 < FEWEST) continue;
+        for (long apart = period; known / apart + 1 >= FEWEST; apart *= 2)
+            for (int count = FEWEST; count <= SEQUENCE && count <= known / apart + 1; count++) better |= is_foreseen(I, at, period, apart, count);
         if (!better) return;
         memset(T->rests, 0, sizeof(long) * (size_t)I->one_sided);
         for (long k = 0; k < period; k++) /* all that strike together, whichever is noticed first */
