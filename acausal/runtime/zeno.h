@@ -119,13 +119,13 @@ static int is_foreseen(Integrator *I, long at, long period, long apart, int coun
     }
     double now = T->impact_t[at % REMEMBERED] - T->first_impact, rest = last_limit(I, at, period, apart, count, -1, &error), doubt = noise_of_limit(size, noise, count) / rest;
     if (!(rest > now)) return 0;
+    if (T->rest_t <= I->t) forget_rest(I); /* of others that are over */
     double missed = error / rest, worst = missed;
-    for (long i = 0; i < n; i++) {
+    for (long i = 0; i < n && worst + doubt < T->rest_doubt_x; i++) {
         double left;
         x[i] = last_limit(I, at, period, apart, count, i, &left);
         if (T->size[i] > 0) worst = fmax(worst, left / T->size[i]);
     }
-    if (T->rest_t <= I->t) forget_rest(I); /* of others that are over */
     int sooner = missed + doubt < T->rest_doubt, better = worst + doubt < T->rest_doubt_x;
     if (sooner) T->rest_t = T->first_impact + rest, T->rest_error = missed, T->rest_doubt = missed + doubt;
     if (better) {
