@@ -131,13 +131,13 @@ def _first_rows(links: np.ndarray) -> np.ndarray:
 
 def equilibrated_rank(A: np.ndarray) -> int:
     """Rank of a matrix of numbers whose rows and columns may have any units."""
-    return int(equilibrated_ranks(A[None])[0])
+    return int(ranks(equilibrated(A[None]))[0])
 
 
-def equilibrated_ranks(A: np.ndarray) -> np.ndarray:
-    """Ranks (k,) of matrices (k, n, m) of numbers whose rows and columns may have any units; -1 for those that are not finite."""
+def ranks(A: np.ndarray) -> np.ndarray:
+    """Ranks (k,) of matrices (k, n, m) of numbers that are equilibrated; -1 for those that are not finite."""
     finite = np.array([np.isfinite(one).all() for one in A], dtype=bool)
     if not A.size:
         return np.where(finite, 0, -1)
-    s = np.linalg.svd(equilibrated(np.where(finite[:, None, None], A, 0.0)), compute_uv=False)
+    s = np.linalg.svd(np.where(finite[:, None, None], A, 0.0), compute_uv=False)
     return np.where(finite, np.sum(s > DEPENDENT * s[:, :1], axis=-1), -1)

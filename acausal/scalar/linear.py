@@ -19,7 +19,7 @@ import numpy as np
 
 from acausal.numerics.elimination import solved_by_qr
 from acausal.numerics.thresholds import DEPENDENT
-from acausal.numerics.vanishing import equilibrated, equilibrated_rank, equilibrated_ranks, equilibration
+from acausal.numerics.vanishing import equilibrated, equilibrated_rank, equilibration, ranks
 
 _LARGE, _SMALL = 0.5, 1e-3
 _ZERO = 1e-11
@@ -66,6 +66,8 @@ class Entry:
 
 
 Row = dict[int, Entry]
+Sizes = tuple[np.ndarray, np.ndarray]
+"""What rows (k, n) and columns (k, n) of a matrix are divided by at the sample points."""
 Sample = Callable[[list[ca.SX]], Sequence[float] | np.ndarray]
 """Values of expressions at the sample points (n, k); of the present values of parameters first."""
 
@@ -79,9 +81,9 @@ def solve_linear(
     Raises SingularMatrixError.
     """
     n = right.numel()
-    rows = _rows(matrix, sample, constants, constants.union(measured))
+    rows, sizes = _rows(matrix, sample, constants, constants.union(measured))
     b = [right[i] for i in range(n)]
-    solved, open_rows = _triangular(rows, n, b, _MOST_BY_QR)
+    solved, open_rows = _triangular(rows, n, b, _MOST_BY_QR, sizes)
     x: dict[int, ca.SX] = {}
     if open_rows:
         _solve_rest(
@@ -99,10 +101,10 @@ def solve_linear(
 def dependent_rows(matrix: ca.SX, sample: Sample, constants: set[int]) -> list[dict[int, ca.SX]]:
     """Weights of rows of a matrix (n, m) whose sum is zero, at whatever values of parameters; independent sums."""
     n, m = matrix.shape
-    rows = _rows(matrix, lambda values: np.array(sample(values))[:, :_GENERAL], constants, constants)
+    rows, sizes = _rows(matrix, lambda values: np.array(sample(values))[:, :_GENERAL], constants, constants)
     names = ca.SX.sym("row", n)
     sums = ca.vertsplit(names) if n else []
-    _, open_rows = _triangular(rows, m, sums, n)
+    _, open_rows = _triangular(rows, m, sums, n, sizes)
     found: list[dict[int, ca.SX]] = []
     for i in sorted(open_rows):
         if not rows[i]:
@@ -111,7 +113,9 @@ def dependent_rows(matrix: ca.SX, sample: Sample, constants: set[int]) -> list[d
     return found
 
 
-def _triangular(rows: list[Row], n: int, b: list[ca.SX], most: int) -> tuple[list[tuple[int, int, Row]], set[int]]:
+def _triangular(
+    rows: list[Row], n: int, b: list[ca.SX], most: int, sizes: Sizes | None
+) -> tuple[list[tuple[int, int, Row]], set[int]]:
     """(row, pivot, entries) in the order of elimination, and rows without a pivot; `rows` and right-hand sides `b` change.
 
     Where more than `most` rows are left pivots that are large at the present values only are taken, too.
@@ -121,7 +125,7 @@ def _triangular(rows: list[Row], n: int, b: list[ca.SX], most: int) -> tuple[lis
     for i, row in enumerate(rows):
         for j in row:
             users[j].add(i)
-    scale, inverse = _column_sizes(rows, n), _inverses(rows, n)
+    scale, inverse = _column_sizes(rows, n), _inverses(rows, n, sizes)
     open_rows = set(range(len(rows)))
     for points in (slice(None), slice(0, 1)):
         if len(open_rows) <= most and points.stop:
@@ -145,29 +149,34 @@ def _triangular(rows: list[Row], n: int, b: list[ca.SX], most: int) -> tuple[lis
     return solved, open_rows
 
 
-def _rows(matrix: ca.SX, sample: Sample, constants: set[int], measured: set[int]) -> list[Row]:
+def _rows(matrix: ca.SX, sample: Sample, constants: set[int], measured: set[int]) -> tuple[list[Row], Sizes | None]:
+    """Rows at the sample points at which the matrix has an inverse, and what they are divided by there."""
     rows: list[Row] = [{} for _ in range(matrix.shape[0])]
     where = list(zip(*matrix.sparsity().get_triplet(), strict=True))
     values = [matrix[i, j] for i, j in where]
     samples = np.array([np.atleast_1d(numbers) for numbers in sample(values)])
-    for (i, j), value, numbers in zip(where, values, samples[:, _regular(where, samples, *matrix.shape)], strict=True):
+    some, sizes = _regular(where, samples, *matrix.shape)
+    for (i, j), value, numbers in zip(where, values, samples[:, some], strict=True):
         if value.is_zero():
             continue
         free = {s.element_hash() for s in ca.symvar(value)}
         kind = 0 if value.is_constant() else 1 if free <= constants else 2
         rows[i][j] = Entry(value, numbers, np.abs(numbers), kind, free <= measured)
-    return rows
+    return rows, sizes
 
 
-def _regular(where: list[tuple[int, int]], samples: np.ndarray, n: int, columns: int) -> np.ndarray:
-    """The sample points (k,) at which the matrix (n, n) has an inverse, and the first one; all for other matrices."""
-    if samples.shape[1] == 1 or n > _LARGEST or n != columns:
-        return np.arange(samples.shape[1])
+def _regular(where: list[tuple[int, int]], samples: np.ndarray, n: int, columns: int) -> tuple[np.ndarray, Sizes | None]:
+    """The sample points (k,) at which the matrix (n, n) has an inverse, and the first one, with what its rows and columns are divided by there; all, and
+    None, for matrices that are large or not square.
+    """
+    if n > _LARGEST or n != columns:
+        return np.arange(samples.shape[1]), None
     A = np.zeros((samples.shape[1], n, n))
     A[:, *np.transpose(where).reshape(2, -1)] = samples.T
-    regular = equilibrated_ranks(A) == n
+    of_rows, of_columns = equilibration(A)
+    regular = ranks(A / of_rows[..., None] / of_columns[..., None, :]) == n
     regular[0] = True
-    return np.flatnonzero(regular)
+    return np.flatnonzero(regular), (of_rows[regular], of_columns[regular])
 
 
 def _column_sizes(rows: list[Row], n: int) -> list[np.ndarray]:
@@ -216,7 +225,7 @@ def _filled(sizes: np.ndarray, entries: np.ndarray, others: np.ndarray) -> np.nd
     return np.where(np.isnan(sizes) & (new > 0) & (new < np.inf), new, sizes)
 
 
-def _inverses(rows: list[Row], n: int) -> np.ndarray:
+def _inverses(rows: list[Row], n: int, sizes: Sizes | None) -> np.ndarray:
     """Inverses (k, n, n) of the matrix at the points; NaN where there is none, and for matrices that are large, not square, or not known in size.
 
     What is left of the matrix after some pivots has parts of these as inverses. So an entry times that of the inverse which belongs to it is always the
@@ -226,13 +235,13 @@ def _inverses(rows: list[Row], n: int) -> np.ndarray:
     """
     points = next((e.sample.size for row in rows for e in row.values()), 1)
     found = np.full((points, n, len(rows)), np.nan)
-    if len(rows) != n or n > _LARGEST or not all(entry.known for row in rows for entry in row.values()):
+    if sizes is None or not all(entry.known for row in rows for entry in row.values()):
         return found
     A = np.zeros((points, n, n))
     for i, row in enumerate(rows):
         for j, entry in row.items():
             A[:, i, j] = entry.sample
-    of_rows, of_columns = equilibration(A)
+    of_rows, of_columns = sizes
     for k in np.flatnonzero(np.isfinite(A).all(axis=(1, 2))):
         try:
             found[k] = np.linalg.inv(A[k] / of_rows[k][:, None] / of_columns[k]) / of_columns[k][:, None] / of_rows[k]
