@@ -417,6 +417,29 @@ def test_a_ball_comes_to_rest_on_a_shaken_table_when_it_should(seed: int, restit
     assert run[scene.rail.q][-1] == pytest.approx(shaken * np.sin(rate * 1.02 * rest), abs=1e-14)
 
 
+@pytest.mark.parametrize(("seed", "restitutions"), [(9, (0.9, 0.9, 0.9)), (6, (0.6, 0.6, 0.6))])
+def test_balls_that_bounce_beside_one_another_come_to_rest_each_at_its_own_time(
+    seed: int, restitutions: tuple[float, ...]
+) -> None:
+    """Though they strike in turns for a while, the first does not take the others along."""
+    draw = np.random.default_rng(seed)
+    draw.integers(2, 5), draw.choice([0.1, 0.3, 0.5, 0.6, 0.7, 0.8, 0.9], 3)
+    high, e = draw.uniform(0.05, 0.5, 3), np.array(restitutions)
+    rests = np.sqrt(2 * high / G) * (1 + e) / (1 - e)
+    scene = ac.System()
+    scene.world, scene.rails, scene.balls = World(), [Prismatic("z") for _ in e], [Particle(1.0 + k) for k in range(3)]
+    scene.floors = [PointOnPlane(unilateral=True, restitution=restitution) for restitution in restitutions]
+    for rail, ball, floor in zip(scene.rails, scene.balls, scene.floors, strict=True):
+        scene.connect(scene.world.frame, rail.frame_a, floor.frame_a)
+        scene.connect(rail.frame_b, ball.point, floor.frame_b)
+    start = {rail.q: z for rail, z in zip(scene.rails, high, strict=True)} | {rail.v: 0.0 for rail in scene.rails}
+    run = ac.build(scene).simulate(1.01 * np.max(rests), start, rtol=1e-12, compiled=False)
+    closed = {change.part: t.time for t in run.transitions for change in t.changes if change.new == "closed"}
+    assert [next(time for part, time in closed.items() if f"[{k}]" in part) for k in range(3)] == pytest.approx(
+        rests, rel=INSTANT
+    )
+
+
 @pytest.mark.parametrize("speed", [1.0, 3.0])
 def test_a_particle_runs_off_a_table_with_a_round_edge(speed: float) -> None:
     """At once where v^2 > g R, else further down, where v^2 = g R cos: cos = 2/3 + v^2 / (3 g R)."""

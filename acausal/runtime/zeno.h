@@ -105,9 +105,17 @@ static double last_limit(const Integrator *I, long at, long period, long apart, 
     return found;
 }
 
-/* What so many impacts so far apart, up to the last one, converge to, if to something better than what is known, in time or state; whether it is. What is wrong of an instant is so of
+/* Whether an impact is of rows that are known to come to rest. */
+static int is_of_rest(const Integrator *I, long at) {
+    const struct State *T = I->state;
+    for (long i = 0; i < I->one_sided; i++)
+        if (T->rests[i] && T->struck[at % REMEMBERED * I->one_sided + i]) return 1;
+    return 0;
+}
+
+/* What so many impacts so far apart, up to the last one, converge to, if to something better than what is known, in time or state. What is wrong of an instant is so of
    all that follow: it shrinks as they do. */
-static int is_foreseen(Integrator *I, long at, long period, long apart, int count) {
+static void foresee_by(Integrator *I, long at, long period, long apart, int count) {
     struct State *T = I->state;
     long n = I->nx;
     double size[SEQUENCE] = {0}, noise[SEQUENCE] = {0}, error, *x = T->later_x, shrinks = T->impact_size[at % REMEMBERED] / T->impact_size[(at - period) % REMEMBERED];
@@ -115,12 +123,17 @@ static int is_foreseen(Integrator *I, long at, long period, long apart, int coun
         long impact = (at - (count - 1 - k) * apart) % REMEMBERED, before = (at - period - (count - 1 - k) * apart) % REMEMBERED;
         size[k] = T->impact_size[impact];
         noise[k] = EPS * fabs(T->impact_t[impact]) + T->impact_noise[impact] / (1 - shrinks);
-        if (!(size[k] < 0.999 * T->impact_size[before]) || (k && !(size[k] < 0.999 * size[k - 1]))) return 0;
+        if (!(size[k] < 0.999 * T->impact_size[before]) || (k && !(size[k] < 0.999 * size[k - 1]))) return;
     }
     double now = T->impact_t[at % REMEMBERED] - T->first_impact, rest = last_limit(I, at, period, apart, count, -1, &error), doubt = noise_of_limit(size, noise, count) / rest;
-    if (!(rest > now)) return 0;
+    if (!(rest > now)) return;
     if (T->rest_t <= I->t) forget_rest(I); /* of others that are over */
     double missed = error / rest, worst = missed;
+    if (!is_of_rest(I, at) && T->rest_doubt < INFINITY) { /* of several, each with an end of its own, the one that is over first */
+        int known = T->rest_error < AGREES, found = missed < AGREES;
+        if (known ? !found || T->first_impact + rest >= T->rest_t : !found && missed + doubt >= T->rest_doubt) return;
+        forget_rest(I);
+    }
     for (long i = 0; i < n && worst + doubt < T->rest_doubt_x; i++) {
         double left;
         x[i] = last_limit(I, at, period, apart, count, i, &left);
@@ -134,7 +147,12 @@ static int is_foreseen(Integrator *I, long at, long period, long apart, int coun
         T->rest_error_x = worst;
         T->rest_doubt_x = worst + doubt;
     }
-    return sooner || better;
+    if (!sooner && !better) return;
+    memset(T->rests, 0, sizeof(long) * (size_t)I->one_sided);
+    for (long k = 0; k < period; k++) { /* all that strike together, whichever is noticed first, or in turns, if their impacts are over at the same time */
+        if (k && !(fabs(limit_up_to(I, at - k, apart, count, -1, &error) - rest) <= 10 * AGREES * rest)) continue;
+        for (long i = 0; i < I->one_sided; i++) T->rests[i] |= T->struck[(at - k) % REMEMBERED * I->one_sided + i];
+    }
 }
 
 /* After an impact of a row: what the impacts converge to, if they do. */
@@ -143,16 +161,12 @@ static void foresee_rest(Integrator *I, long row) {
     long at = T->impacts;
     note_impact(I, row);
     for (long period = 1; period <= PERIODS; period++) {
-        long repeated = 0, better = 0;
+        long repeated = 0;
         while (repeated + period <= at && repeated + period < REMEMBERED && are_alike(T, at - repeated, at - repeated - period)) repeated++;
         long known = repeated - period; /* with one period before */
         if (known / period + 1 < FEWEST) continue;
         for (long apart = period; known / apart + 1 >= FEWEST; apart *= 2)
-            for (int count = FEWEST; count <= SEQUENCE && count <= known / apart + 1; count++) better |= is_foreseen(I, at, period, apart, count);
-        if (!better) return;
-        memset(T->rests, 0, sizeof(long) * (size_t)I->one_sided);
-        for (long k = 0; k < period; k++) /* all that strike together, whichever is noticed first */
-            for (long i = 0; i < I->one_sided; i++) T->rests[i] |= T->struck[(at - k) % REMEMBERED * I->one_sided + i];
+            for (int count = FEWEST; count <= SEQUENCE && count <= known / apart + 1; count++) foresee_by(I, at, period, apart, count);
         return;
     }
 }
