@@ -1448,3 +1448,23 @@ def test_an_offset_that_is_nothing_is_known_as_well_as_the_data_say(noise, unit)
     assert found.standard_error(scene.k) == pytest.approx(errors[0] * unit, rel=0.1)
     assert found.standard_error(scene.force) == pytest.approx(errors[1] * unit, rel=0.1)
     assert abs(found[scene.force]) < 4 * errors[1] * unit
+
+
+@pytest.mark.parametrize(("value", "reached"), [(0.0, 0.0), (1.5, 0.75), (-2.0, -1.0)])
+def test_an_input_that_is_held_leaves_its_own_motion_and_nothing_is_said_beside(
+    value: float, reached: float, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """A force of one value moves a mass of 1 kg by half of it in 1 s: that is found; elsewhere the message says what is held."""
+    scene = Sledge()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.rail.q: 0})
+    ocp.bound(scene.force, value, value)
+    ocp.end({scene.rail.q: reached})
+    ocp.minimise(ac.integral(scene.force**2))
+    best = ocp.solve(5)
+    assert best.cost == pytest.approx(value**2, abs=1e-9)
+    assert len(repr([best])) < 100
+    ocp.end({scene.rail.v: 7.0})
+    with pytest.raises(OptimalControlError, match=f"What could not be met.*Held all the time is: force at {value:g}"):
+        ocp.solve(5)
+    assert not "".join(capfd.readouterr())

@@ -7,7 +7,7 @@ import numpy as np
 
 from acausal.optimal_control.asked import AS_AT_START, ROOM
 from acausal.optimal_control.optimum import Optimum
-from acausal.optimal_control.promises import broken_promises, far_away, kinks, no_number, pressed
+from acausal.optimal_control.promises import broken_promises, far_away, held, kinks, no_number, pressed
 from acausal.optimal_control.whole import Whole
 
 _BOTTOMLESS = 1e8
@@ -75,6 +75,9 @@ def failure(problem: Whole, w: np.ndarray, cost: float, status: str) -> str:
         ]
         if worst and limits:
             words.append(f"At its limits came: {', '.join(limits[:6])}.")
+        still = [name for one in problem.parts for name in held(one)]
+        if worst and still:
+            words.append(f"Held all the time is: {', '.join(still[:4])}.")
     words.append(
         "The last iterate is in the error's `best`. Relax a bound, give more time, or begin elsewhere with ocp.guess(run)."
     )

@@ -46,7 +46,7 @@ def left(cost: float, sharper: float, stages: int) -> float:
     return (_LEFT if change <= _CLEAR * abs(cost) else stages + 1) * change
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Optimum:
     """The best motion found: its `cost`, and how it was found (`iterations` and `seconds` of the solver on all meshes).
 
@@ -409,6 +409,9 @@ class Optimum:
             own[own < 1e-3 * np.max(own, initial=0.0)] = np.max(own, initial=0.0)
             own[own == 0.0] = 1.0
         return found
+
+    def __repr__(self) -> str:
+        return f"<Optimum: cost {self.cost:.10g} in {self.duration:g} s, {self.mesh.intervals} intervals>"
 
     def __str__(self) -> str:
         found = "".join(

@@ -163,7 +163,7 @@ def _known(problem: OptimalControl, value: Any) -> Any:
     return value if not isinstance(value, Expression | str) else next(iter(problem.symbols({value: 0.0}, "link")))
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class PhasesOptimum:
     """The best motions of all `phases`, each an `Optimum`; their `cost` together, and how they were found.
 
@@ -237,6 +237,9 @@ class PhasesOptimum:
             off[moving, [0, -1]] = 0.0  # just there velocities jump
             worst = max(worst, float(np.max(off)))
         return worst
+
+    def __repr__(self) -> str:
+        return f"<PhasesOptimum: cost {self.cost:.10g} in {self.duration:g} s, {len(self.phases)} phases>"
 
     def __str__(self) -> str:
         lines = [

@@ -98,6 +98,15 @@ def pressed(transcribed: Transcribed, w: np.ndarray) -> dict[str, tuple[float, f
     return found
 
 
+def held(transcribed: Transcribed) -> list[str]:
+    """What is bounded to one value all the time, with this."""
+    return [
+        f"{limits.entry(r)} at {limits.range(r)}"
+        for _, limits, r in transcribed.asked.entries
+        if limits.lower[r] == limits.upper[r]
+    ]
+
+
 def kinks(asked: Asked) -> list[str]:
     """What is minimised or bounded by what has no slope at some value, with what that is."""
     total = asked.cost

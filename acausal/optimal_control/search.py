@@ -56,7 +56,9 @@ def search(
 def ipopt_options(*, warm: bool, known: bool = False) -> dict[str, Any]:
     """Quiet, in the units of the program; `warm`: where a solution is near; `known`: its multipliers, too."""
     options = {
-        "print_time": False, "show_eval_warnings": False, "ipopt.print_level": 0, "ipopt.sb": "yes", "ipopt.tol": _TOLERANCE, "ipopt.nlp_scaling_method": "none",
+        "print_time": False, "show_eval_warnings": False, "ipopt.print_level": 0, "ipopt.sb": "yes",
+        "inputs_check": False,  # that inputs are held by their bounds is no news of CasADi's; bounds that cross are refused before
+        "ipopt.tol": _TOLERANCE, "ipopt.nlp_scaling_method": "none",
         "ipopt.max_iter": 1000, "ipopt.bound_relax_factor": 0.0, "ipopt.compl_inf_tol": _TOLERANCE if known else _PRESSED, "ipopt.mu_strategy": "adaptive",
         "ipopt.mumps_pivot_order": 0,  # minimum degree: bands as narrow as these need no graph to be cut
         "ipopt.mumps_permuting_scaling": 0,  # along singular arcs a matching of what is small puts pivots off until all is dense
