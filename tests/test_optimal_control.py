@@ -1,6 +1,7 @@
 """Optimal control: closed forms, problems transcribed by hand, loops, free geometry, and what is said where there is no optimum."""
 
 import _thread
+import re
 import threading
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -1468,3 +1469,34 @@ def test_an_input_that_is_held_leaves_its_own_motion_and_nothing_is_said_beside(
     with pytest.raises(OptimalControlError, match=f"What could not be met.*Held all the time is: force at {value:g}"):
         ocp.solve(5)
     assert not "".join(capfd.readouterr())
+
+
+@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
+@pytest.mark.parametrize(
+    ("place", "speed", "words"),
+    [
+        (ac.free(3, 4), 0.0, "rail.q is to be between 3 and 4 at the start, but is bounded to between -1 and 2"),
+        (5.0, ac.free(-1, 1), "rail.q is to be 5 at the start, but is bounded to between -1 and 2"),
+        (1.0, ac.free(1.5, 4), "rail.v is to be between 1.5 and 4 at the start, but is bounded to between -1 and 1"),
+        (ac.free(1, 4), ac.free(0, 4), None),
+    ],
+)
+def test_a_start_beside_its_bounds_is_refused_by_name_where_something_of_it_is_free(
+    unit: float, place: float | ac.free, speed: float | ac.free, words: str | None
+) -> None:
+    """Before any search; bounds that have something in common with what is free are met there."""
+    scene = Sledge()
+    place, speed = (
+        ac.free(unit * one.lower, unit * one.upper) if isinstance(one, ac.free) else unit * one for one in (place, speed)
+    )
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.rail.q: place, scene.rail.v: speed})
+    ocp.bound(scene.rail.q, -unit, 2 * unit)
+    ocp.bound(scene.rail.v, -unit, unit)
+    ocp.minimise(ac.integral(scene.force**2) / unit**2 - ac.at_start(scene.rail.q) / unit)
+    if words is None:
+        assert ocp.solve(5, guesses=0).x[:, 0] / unit == pytest.approx([2.0, 0.0], abs=1e-6)
+        return
+    numbers = re.sub(r"-?\d+(\.\d+)?", lambda number: f"{unit * float(number[0]):g}", words)
+    with pytest.raises(OptionError, match=re.escape(numbers)):
+        ocp.solve(5)

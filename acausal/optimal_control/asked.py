@@ -15,15 +15,18 @@ from acausal.optimal_control.stage import Stage
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """`value` (n, 1) of a stage's unknowns, between `lower` and `upper` (n,); `name`: what it is, in words."""
+    """`value` (n, 1) of a stage's unknowns, between `lower` and `upper` (n,); `name`: what it is, in words. `said`: of the entries of start values what users said of the first ones."""
 
     value: ca.SX
     lower: np.ndarray
     upper: np.ndarray
     name: str
+    said: tuple[str, ...] = ()
 
     def entry(self, r: int) -> str:
         """What one of the entries is, in words."""
+        if r < len(self.said):
+            return self.said[r]
         return self.name if self.value.numel() == 1 else f"{self.name}[{r}]"
 
     def range(self, r: int) -> str:

@@ -71,7 +71,7 @@ def _check_what_stands(asked: Asked) -> None:
 
 def _check_bounds(asked: Asked, first: Guess) -> None:
     """Values that are given and bounds on the same thing; bounds of what is known at the start."""
-    given = [(at, own) for at, own in asked.here if own.name != GIVEN]  # among these are guesses
+    given = asked.here
     for k, limits in enumerate(asked.path):
         for at, own in (*((None, other) for other in asked.path[:k]), *given):
             _check_pair(limits, own, at)
@@ -81,7 +81,7 @@ def _check_bounds(asked: Asked, first: Guess) -> None:
 
 def _check_pair(limits: Limits, own: Limits, at: float | None) -> None:
     known = {limits.value[r].element_hash(): r for r in range(limits.value.numel())}
-    for e in range(own.value.numel()):
+    for e in range(len(own.said) if own.name == GIVEN else own.value.numel()):  # what else stands there are guesses
         r = known.get(own.value[e].element_hash())
         if r is None:
             continue
@@ -89,7 +89,7 @@ def _check_pair(limits: Limits, own: Limits, at: float | None) -> None:
         room = ROOM * max((abs(v) for v in said if np.isfinite(v)), default=0.0)
         if own.lower[e] > limits.upper[r] + room or own.upper[e] < limits.lower[r] - room:
             raise OptionError(
-                f"{own.name} is to be {own.range(e)} {when(at)}, but is bounded to {limits.range(r)} all the time. Move one of them."
+                f"{own.entry(e)} is to be {own.range(e)} {when(at)}, but is bounded to {limits.range(r)} all the time. Move one of them."
             )
 
 

@@ -341,9 +341,10 @@ class OptimalControl:
         """What is given; what is free, between its bounds; then all states as they are at the guess, as far as they do not follow from these."""
         limits = self._given_at_start(stage)
         limits += [self._limits(stage, k, (v.lower, v.upper)) for k, v in self._opened.items()]
+        said = tuple(one.entry(r) for one in limits for r in range(one.value.numel()))
         limits.append(Limits(self._functions.space.x, first, first, GIVEN))
         value, lower, upper = zip(*((one.value, one.lower, one.upper) for one in limits), strict=True)
-        return Limits(ca.vertcat(*value), np.concatenate(lower), np.concatenate(upper), GIVEN)
+        return Limits(ca.vertcat(*value), np.concatenate(lower), np.concatenate(upper), GIVEN, said)
 
     def _given_at_start(self, stage: Stage) -> list[Limits]:
         given = {k: v.value if isinstance(v, exactly) else v for k, v in (self._start or {}).items() if not isinstance(v, near)}
