@@ -592,3 +592,46 @@ def integrals(first: float = 0.5) -> ShapeIntegrals:
     """Of two equal masses, one of them moved by the shape; `first` other than 0.5 belongs to no masses."""
     found = ShapeIntegrals.of_masses(np.ones(2), np.array(PLACES, dtype=float), np.array(UP, dtype=float))
     return ShapeIntegrals(np.array([first, 0, 0]), found.first_shapes, found.second, found.mixed, found.second_shapes)
+
+
+@pytest.mark.parametrize(("modes", "size"), [("craig-bampton", 1e-6), ("cantilever", 1.0), ("craig-bampton", 1e4)])
+def test_loops_close_by_their_joints_and_not_by_bending_a_beam(modes, size):
+    """Law: a start leaves elastic bodies as they were made where joints alone close the loops, in rest and in motion; by cosines for the crank's angle."""
+    part = Section.rectangle(0.02 * size, 0.02 * size)
+    coupler = FlexibleBeam(size, part, youngs_modulus=2e9, density=2700.0, bending=(0, 2), axial=1, modes=modes)
+    crank, rocker = (RigidBody.rod(1.0, (length * size, 0, 0), radius=0.02 * size) for length in (0.3, 0.7))
+    parts = {"world": World(), "crank": crank, "coupler": coupler, "rocker": rocker, **{name: Revolute("y") for name in "abcd"}}
+    scene = connected(parts)
+    foot = scene.world.at((0.9 * size, 0, -0.3 * size))
+    for joint, one, other in (
+        (scene.a, scene.world.frame, crank.frame),
+        (scene.b, crank.tip, coupler.frame_a),
+        (scene.c, coupler.frame_b, rocker.tip),
+        (scene.d, foot, rocker.frame),
+    ):
+        scene.connect(one, joint.frame_a)
+        scene.connect(joint.frame_b, other)
+    run = ac.build(scene).simulate(1e-6 * size, {scene.a.q: 0.4, scene.a.v: 1.0}, samples=2)
+    assert np.max(np.abs([run[coupler.q][0], run[coupler.v][0]])) < 1e-14 * size
+    p, c, d = (run[at.position][0] / size for at in (crank.tip, rocker.tip, foot))
+    apart = np.linalg.norm(d - p)
+    cosine = (1 + apart**2 - 0.7**2) / (2 * apart)
+    np.testing.assert_allclose((c - p) @ (d - p) / apart, cosine, rtol=1e-12)
+
+
+def test_a_beam_bends_at_the_start_where_joints_do_not_suffice():
+    """Between walls that are too far apart it is stretched by the gap, and a tip that is asked for is where it is wished."""
+    beam = FlexibleBeam(2.0, SECTION, youngs_modulus=MODULUS, density=DENSITY, bending=(0, 2), axial=1, modes="craig-bampton")
+    scene = connected({"world": World(), "beam": beam, "hinge": Revolute("y")})
+    scene.connect(scene.world.frame, beam.frame_a)
+    scene.connect(beam.frame_b, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.world.at((2.002, 0, 0)))
+    np.testing.assert_allclose(ac.build(scene).initial_state().x[:3], (0, 0, 0.002), rtol=1e-12, atol=1e-15)
+    alone = ac.System()
+    alone.world, alone.beam = (
+        World(),
+        FlexibleBeam(2.0, SECTION, youngs_modulus=MODULUS, density=DENSITY, bending=(0, 2), modes="craig-bampton"),
+    )
+    alone.connect(alone.world.frame, alone.beam.frame_a)
+    start = ac.build(alone).initial_state({alone.beam.frame_b.position[2]: ac.near(-0.1)})
+    np.testing.assert_allclose(start.x[0], -0.1, rtol=1e-9)

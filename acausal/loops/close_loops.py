@@ -13,7 +13,7 @@ from acausal.loops.loops import LoopRows
 from acausal.loops.mobility import nearly_redundant
 from acausal.loops.nearest_loops import nearest_closed
 from acausal.loops.walk import Walk
-from acausal.numerics.assembly import Residual, assemble, brought_near
+from acausal.numerics.assembly import Residual, assemble, brought_near, held
 from acausal.numerics.thresholds import EDGE
 
 _ATTEMPTS = 12
@@ -26,7 +26,7 @@ _INSIDE, _INSIDE_STEPS = 0.5, 8
 def close_loops(walk: Walk, guess: np.ndarray, drawn: Callable[[], Residual]) -> np.ndarray:
     """The configuration z of the group's coordinates nearest to the `guess` q with all its loops closed on the branch meant.
 
-    `drawn`: makes the measure of how far one is from the sketch.
+    `drawn`: makes the measure of how far one is from the sketch. Elastic bodies are as they are drawn, where joints alone close the loops.
     Loops that are driven may close at another time only: the walk is then at that time.
     Raises `AssemblyError` with the smallest gap.
     """
@@ -37,6 +37,10 @@ def close_loops(walk: Walk, guess: np.ndarray, drawn: Callable[[], Residual]) ->
 
     rng, time = np.random.default_rng(0), walk.time
     sketch = guess / walk.unit
+    if group.elastic:
+        found = assemble(held(walk.closing, group.elastic), sketch, sizes=walk.sizes)
+        if found.converged and is_meant(found.y):
+            return nearest_closed(walk, drawn(), sketch, found.y, is_meant, group.elastic) if found.iterations else found.y
     smallest, where = np.inf, sketch
     for first in _beginnings(group, walk, _brought_inside(walk, sketch), sketch, rng):
         if not all(np.isfinite(part).all() for part in walk.at(first)):  # a wheel that lies flat, the tip of a cone: beside it

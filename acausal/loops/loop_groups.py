@@ -13,6 +13,7 @@ from acausal.dynamics.tree import JointSymbols
 from acausal.graphs import Graph
 from acausal.loops.loops import LoopRows
 from acausal.numerics.sizes import Drawn
+from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.parts.turning import all_turning
 
 
@@ -34,6 +35,14 @@ class LoopGroup:
     domain: ca.SX
     turning: np.ndarray
     """(nq,), True for angles and quaternions."""
+
+    @property
+    def elastic(self) -> list[int]:
+        """Places in q of how much bodies are deformed."""
+        deforms = [
+            isinstance(joint.edge.joint, AbstractElasticBody) for joint in self.joints for _ in range(joint.q.start, joint.q.stop)
+        ]
+        return [k for k, elastic in enumerate(deforms) if elastic]
 
     @property
     def names(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import casadi as ca
 import numpy as np
@@ -12,7 +12,7 @@ from acausal.loops.joint_distance import Differences, at_cut, in_tree
 from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.sketch import sketched
 from acausal.loops.walk import Walk
-from acausal.numerics.assembly import Residual, assemble
+from acausal.numerics.assembly import Residual, assemble, held
 from acausal.numerics.rivals import Candidate, nearest_rival
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.joint_coordinates import joint_coordinates
@@ -22,20 +22,29 @@ _PATIENCE = 30
 
 
 def nearest_closed(
-    walk: Walk, drawn: Residual, sketch: np.ndarray, found: np.ndarray, is_meant: Callable[[np.ndarray], bool]
+    walk: Walk,
+    drawn: Residual,
+    sketch: np.ndarray,
+    found: np.ndarray,
+    is_meant: Callable[[np.ndarray], bool],
+    still: Sequence[int] = (),
 ) -> np.ndarray:
     """The closed configuration z nearest to the `sketch`, as `drawn` measures it; `found`: a closed one.
 
-    `is_meant`: whether one is on the branch that is meant.
+    `is_meant`: whether one is on the branch that is meant. `still`: coordinates that stay as they are drawn.
     """
+    still = list(still)
+    closing, drawn = held(walk.closing, still), held(drawn, still)
 
     def close(z: np.ndarray) -> Candidate | None:
-        trial = assemble(walk.closing, z, sizes=walk.sizes, limit=_PATIENCE, nearest=drawn)
+        z = z.copy()
+        z[still] = sketch[still]
+        trial = assemble(closing, z, sizes=walk.sizes, limit=_PATIENCE, nearest=drawn)
         return Candidate(trial.y, 0.0, drawn(trial.y)[0]) if trial.converged and is_meant(trial.y) else None
 
-    first = assemble(walk.closing, found, sizes=walk.sizes, wishes=drawn, limit=_PATIENCE, approach=False)
+    first = assemble(closing, found, sizes=walk.sizes, wishes=drawn, limit=_PATIENCE, approach=False)
     z = first.y if first.converged and is_meant(first.y) else found
-    return nearest_rival(Candidate(z, 0.0, drawn(z)[0]), sketch, close, lambda z: walk.at(z)[1], walk.dependent).z
+    return nearest_rival(Candidate(z, 0.0, drawn(z)[0]), sketch, close, lambda z: closing(z)[1], walk.dependent).z
 
 
 def distance_from_sketch(system: MechanicalSystem, group: LoopGroup, walk: Walk, sketch: np.ndarray) -> Residual:

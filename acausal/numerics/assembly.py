@@ -10,7 +10,7 @@ two, goes through the same numbers.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -108,6 +108,20 @@ def corrected(
         if enough(c, z):
             return z  # also without rows, where only velocities are constrained
     return None
+
+
+def held(residual: Residual, still: Sequence[int]) -> Residual:
+    """The same residual, with derivatives as if the unknowns `still` could not change, so that no step moves them."""
+    if not still:
+        return residual
+
+    def rows(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        r, J = residual(z)
+        J = J.copy()
+        J[:, still] = 0.0
+        return r, J
+
+    return rows
 
 
 def brought_near(constraints: Residual, guess: np.ndarray, turning: np.ndarray, sizes: Sizes) -> np.ndarray:

@@ -202,8 +202,9 @@ def _stage(
     rows = search.residual(y, d)
     slopes = ca.substitute(ca.jacobian(rows, y), y, ca.SX(ca.DM(found.y)))
     c = rows / _lengths(slopes, scale, size, size == np.linalg.norm(J, axis=1))
-    still = search.leading if np.array_equal(found.y[search.leading], found.first[search.leading]) else []
-    still = sorted({*still, *given})
+    stays = [list(still) for still in search.staying if np.array_equal(found.y[list(still)], found.first[list(still)])]
+    most: list[int] = stays[0] if stays else []
+    still = sorted({*most, *given})
     follow = np.delete(np.arange(found.y.size), still)
     if given:  # what these follow from holds as it was written, which nested rows show less well
         by = ca.DM(ca.jacobian_sparsity(rows, y), 1).full() > 0

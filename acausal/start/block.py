@@ -24,6 +24,11 @@ _KEPT = 8
 _NONE = np.zeros(0)
 
 
+def alternatives(leading: Sequence[int], elastic: Sequence[int]) -> tuple[tuple[int, ...], ...]:
+    """What may stay as it is, the most first; none where there is nothing."""
+    return tuple(dict.fromkeys(still for still in ((*leading, *elastic), tuple(elastic), tuple(leading)) if still))
+
+
 @dataclass(frozen=True)
 class Block:
     """Unknowns that constraints or wishes connect, and these rows: no other block has to do with them, so it is searched alone.
@@ -46,6 +51,8 @@ class Block:
     """How far positions are from the sketch, velocities from rest; None where unknowns say that by themselves."""
     leading: tuple[int, ...] = ()
     """Those of the unknowns that are states of scalar parts by which nonlinear equations give others in the block."""
+    elastic: tuple[int, ...] = ()
+    """Those of the unknowns that deform bodies, or are rates of that: they stay as they are where others suffice."""
     winding: tuple[int, ...] = ()
     """Those of the rows that come to zero again in each full turn of a screw, which closes a loop."""
     known: dict[bytes, tuple[Sizes, np.ndarray]] = field(default_factory=dict[bytes, tuple[Sizes, np.ndarray]], compare=False)
@@ -60,6 +67,11 @@ class Block:
     def wishes(self) -> Rows | None:
         """Rows that are to be small."""
         return Rows.of(self.unknowns.y, self.whole, self.soft) if self.wished else None
+
+    @property
+    def staying(self) -> tuple[tuple[int, ...], ...]:
+        """Unknowns that stay where the others suffice: what others follow from and what deforms bodies, or else some of these."""
+        return alternatives(self.leading, self.elastic)
 
     @property
     def rotates(self) -> bool:

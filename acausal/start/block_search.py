@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from acausal.numerics.assembly import Assembled, Residual, assemble, brought_near
+from acausal.numerics.assembly import Assembled, Residual, assemble, brought_near, held
 from acausal.numerics.rivals import Candidate, nearest_rival
 from acausal.numerics.sizes import Sizes
 from acausal.numerics.thresholds import STRIDE
@@ -56,13 +56,17 @@ def solve_block(
             y = _without_noise(found.y, search.begun, there.sizes.unknowns)
             return Found(y, search.begun, found.gap, found.part, True, found.iterations)
     begun = search.before_winding() if block.winding else None
-    found, right = (
-        search.descend(begun, approach=False)
-        if begun is not None
-        else led.descend(led.beginning())
-        if block.leading
-        else (None, False)
-    )
+    found, right, keeping = None, False, search
+    if begun is not None:
+        found, right = search.descend(begun, approach=False)
+    for still in block.staying if begun is None else ():
+        staying = replace(search, still=still)
+        found, right = staying.descend(staying.beginning())
+        kept = block.elastic if {*block.elastic} <= {*still} else ()
+        if right and (not kept or staying.meets_wishes(found.y)):
+            keeping = replace(search, still=kept)
+            break
+        right = False
     if found is None or not right:
         found, right = search.descend(search.beginning())
     spent, restarts = found.iterations, 0
@@ -71,7 +75,7 @@ def solve_block(
         spent += more
     best = Found(found.y, search.begun, found.gap, found.part, right, spent, restarts)
     if right and spent and not block.unknowns.linear:
-        best = search.nearest(found, spent, restarts)
+        best = keeping.nearest(found, spent, restarts)
     return replace(best, y=_without_noise(best.y, search.begun, sizes.unknowns))
 
 
@@ -257,22 +261,30 @@ class _Search:
             return np.concatenate([c, r]), np.vstack([J, Jw])
 
         sizes = replace(self.sizes, rows=np.concatenate([self.sizes.rows, np.ones(len(self.block.wished))]), rounding=None)
-        return assemble(both, self.begun, sizes=sizes, stride=self._stride).y
+        return assemble(held(both, list(self.still)), self.begun, sizes=sizes, stride=self._stride).y
+
+    def meets_wishes(self, y: np.ndarray) -> bool:
+        """Whether everything is met that start values wish for."""
+        if self._soft is None:
+            return True
+        return bool(np.all(np.abs(self._soft(y)[0][self.block.alike > 0]) <= _MISSED))
 
     def nearest(self, found: Assembled, spent: int, restarts: int) -> Found:
         """The best of what was found and of its rivals."""
-        unit, hard = self.sizes.unknowns, self._hard
+        unit, hard, still = self.sizes.unknowns, self._hard, list(self.still)
 
         def candidate(y: np.ndarray) -> Candidate:
             missed = 0.0 if self._soft is None else float(np.linalg.norm(self._soft(y)[0]))
             return Candidate(y / unit, missed, self._apart(y)[0])
 
         def close(z: np.ndarray) -> Candidate | None:
-            rival, right = self.descend(z * unit, False, _PATIENCE)
+            guess = z * unit
+            guess[still] = found.y[still]
+            rival, right = self.descend(guess, False, _PATIENCE)
             return candidate(rival.y) if right else None
 
         def slopes(z: np.ndarray) -> np.ndarray:
-            return self.sizes.scaled(hard(z * unit)[1])
+            return self.sizes.scaled(held(hard, still)(z * unit)[1])
 
         first = candidate(found.y)
         best = nearest_rival(first, self.begun / unit, close, slopes, self.sizes.dependent, wished=self._soft is not None)

@@ -13,9 +13,10 @@ from acausal.numerics.assembly import Assembled, Residual, assemble, freedom
 from acausal.numerics.double_roots import where_solutions_meet
 from acausal.numerics.sizes import Drawn, Sizes
 from acausal.numerics.thresholds import DEPENDENT, EDGE, STRIDE
+from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.apart import Apart, Moving
-from acausal.start.block import Block
+from acausal.start.block import Block, alternatives
 from acausal.start.block_search import solve_block
 from acausal.start.unknowns import Closing, Found, Target, Unknowns
 from acausal.start.untorn import UntornBlock, untorn_blocks
@@ -73,6 +74,16 @@ class Search:
     def leading(self) -> list[int]:
         """Unknowns that are states of scalar parts by which nonlinear equations give others."""
         return [block.places[k] for block in self.blocks for k in block.leading]
+
+    @property
+    def elastic(self) -> list[int]:
+        """Unknowns that deform bodies, or are rates of that."""
+        return [block.places[k] for block in self.blocks for k in block.elastic]
+
+    @property
+    def staying(self) -> tuple[tuple[int, ...], ...]:
+        """Unknowns that stay where the others suffice: what others follow from and what deforms bodies, or else some of these."""
+        return alternatives(self.leading, self.elastic)
 
     @property
     def stride(self) -> float:
@@ -243,9 +254,9 @@ class Search:
         sizes = self.sizes(data, self.first(data))
         scaled = sizes.scaled(J)
         off = (J @ first + by_data @ change) / sizes.rows[:, None]
-        for still in ([self.leading] if self.leading else []) + [[]]:
+        for still in (*self.staying, ()):
             kept = scaled.copy()
-            kept[:, still] = 0.0
+            kept[:, list(still)] = 0.0
             step = np.linalg.pinv(kept, rcond=sizes.dependent) @ off
             if not still or np.abs(kept @ step - off).max(initial=0.0) <= DEPENDENT * np.abs(off).max(initial=0.0):
                 return first - sizes.unknowns[:, None] * step
@@ -336,13 +347,17 @@ def _blocks(whole: Block) -> tuple[Block, ...]:
 
 
 def _led(block: Block, y: ca.SX, system: ReducedSystem) -> Block:
-    """The same, with the states of scalar parts in it that others follow."""
+    """The same, with the states of scalar parts in it that others follow, and what deforms elastic bodies."""
     here = {y[i].element_hash(): k for k, i in enumerate(block.places)}
     own = [(here.get(system.x[i].element_hash()), k in system.scalar.followers) for k, i in enumerate(system.scalar_places)]
     follow = any(place is not None and follows for place, follows in own)
-    return (
-        replace(block, leading=tuple(place for place, follows in own if place is not None and not follows)) if follow else block
-    )
+    leading = tuple(place for place, follows in own if place is not None and not follows) if follow else ()
+    bodies = [item for item in system.tree_joints if isinstance(item.edge.joint, AbstractElasticBody)]
+    tree = system.mechanics.tree
+    deforming = [
+        entry.element_hash() for item in bodies for entry in (*ca.vertsplit(tree.q[item.q]), *ca.vertsplit(tree.v[item.v]))
+    ]
+    return replace(block, leading=leading, elastic=tuple(sorted(here[k] for k in deforming if k in here)))
 
 
 def _plain(y: ca.SX, targets: Sequence[Target]) -> list[tuple[int, int]]:
