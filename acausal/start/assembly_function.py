@@ -203,8 +203,8 @@ def _stage(
     slopes = ca.substitute(ca.jacobian(rows, y), y, ca.SX(ca.DM(found.y)))
     c = rows / _lengths(slopes, scale, size, size == np.linalg.norm(J, axis=1))
     stays = [list(still) for still in search.staying if np.array_equal(found.y[list(still)], found.first[list(still)])]
-    most: list[int] = stays[0] if stays else []
-    still = sorted({*most, *given})
+    staying: list[int] = stays[0] if stays else []
+    still = sorted({*staying, *given})
     follow = np.delete(np.arange(found.y.size), still)
     if given:  # what these follow from holds as it was written, which nested rows show less well
         by = ca.DM(ca.jacobian_sparsity(rows, y), 1).full() > 0
