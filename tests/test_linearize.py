@@ -11,6 +11,7 @@ from scipy.optimize import brentq
 from scipy.spatial.transform import Rotation
 
 import acausal as ac
+from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.errors import OptionError, StartValueError, UnknownVariableError
 from components import (
     Capacitor,
@@ -469,3 +470,16 @@ def test_a_body_on_a_ball_joint_swings_the_same_whatever_the_attitudes_of_frames
     assert np.sort(np.abs(linear.eigenvalues.imag)) == pytest.approx(
         np.repeat([0, *expected], 2), rel=1e-7, abs=1e-6 * expected[0]
     )
+
+
+def test_directions_side_by_side_have_the_bits_of_each_alone():
+    """Derivatives of a double pendulum's rates along all directions, and along one at a time."""
+    scene = DoublePendulum()
+    functions = ac.build(scene).functions
+    s = functions.outputs.system
+    rates, rng = Differentiable(s, s.x_dot), np.random.default_rng(3)
+    at = OperatingPoint(0.0, rng.normal(size=s.x.numel()), np.zeros(s.u.numel()), np.array(s.p_values))
+    directions = rng.normal(size=(s.x.numel(), 5))
+    together = rates.along(at, directions, dt=0.3)
+    alone = [rates.along(at, directions[:, [k]], dt=0.3)[:, 0] for k in range(5)]
+    assert np.array_equal(together, np.column_stack(alone))

@@ -73,8 +73,8 @@ class Differentiable:
         for part, size in ((x, np.maximum(np.abs(at.x), sizes)), (u, np.abs(at.u)), (p, np.abs(at.p))):
             part += eps * size[:, None] * shake.uniform(-2.0, 2.0, part.shape)
         t = at.t * (1 + eps * shake.uniform(-2.0, 2.0, (1, _SAMPLES)))
-        values, here = [self.value(OperatingPoint(t[0, k], x[:, k], u[:, k], p[:, k])) for k in range(_SAMPLES)], self.value(at)
-        found = np.max(np.abs(values - here), axis=0)
+        values, here = self._values.at_once(t, x, u, p), self.value(at)
+        found = np.max(np.abs(values - here[:, None]), axis=1)
         stays = (found == 0) & (here != 0)  # by arguments alone: what nothing moves may be rounding of its terms
         return np.where(stays, np.finfo(float).eps * self.terms(at), found) if stays.any() else found
 
@@ -98,7 +98,6 @@ class Differentiable:
         k = next((d.shape[1] for d in (dx, du, dp) if d is not None), 1)
         if self._forward is None or k == 0:
             return np.zeros((self.size, k))
-        point = at.t, at.x, at.u, at.p, np.zeros(self.size)
-        seeds = [np.zeros((k, n.size)) if d is None else d.T for n, d in ((at.x, dx), (at.u, du), (at.p, dp))]
-        changes = [self._forward(*point, dt, *(seed[j] for seed in seeds)) for j in range(k)]
-        return np.column_stack(changes)
+        point = (np.repeat(part[:, None], k, axis=1) for part in (np.array([at.t]), at.x, at.u, at.p, np.zeros(self.size)))
+        seeds = (np.zeros((n.size, k)) if d is None else d for n, d in ((at.x, dx), (at.u, du), (at.p, dp)))
+        return self._forward.at_once(*point, np.full((1, k), dt), *seeds)

@@ -55,13 +55,26 @@ class Columns:
 
     def __call__(self, *arguments: np.ndarray | float) -> np.ndarray:
         """(numel,); `arguments`: columns, or numbers where there is one entry."""
-        bound: BoundFunction | None = getattr(self._own, "bound", None)
-        if bound is None:
-            f = self._function
-            bound = self._own.bound = BoundFunction(f, [np.empty(f.numel_in(i)) for i in range(f.n_in())], np.empty(f.numel_out(0)))
+        bound = self._bound(1)
         for own, argument in zip(bound.arguments, arguments, strict=True):
             own[:] = argument
         return bound().copy()
+
+    def at_once(self, *arguments: np.ndarray) -> np.ndarray:
+        """(numel, k) at k points, in one call, whose price is that of many small functions; `arguments`: (n, k)."""
+        k = arguments[0].shape[1]
+        bound = self._bound(k)
+        for own, argument in zip(bound.arguments, arguments, strict=True):
+            own[:] = argument.ravel(order="F")
+        return bound().reshape(k, -1).T.copy()
+
+    def _bound(self, k: int) -> BoundFunction:
+        """To k points."""
+        known: dict[int, BoundFunction] = self._own.__dict__.setdefault("known", {})
+        if k not in known:
+            f = self._function if k == 1 else self._function.map(k)
+            known[k] = BoundFunction(f, [np.empty(f.numel_in(i)) for i in range(f.n_in())], np.empty(f.numel_out(0)))
+        return known[k]
 
 
 def dense(function: ca.Function) -> ca.Function:
