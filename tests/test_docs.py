@@ -58,6 +58,15 @@ def test_each_system_is_shown_by_scripts_and_tests_that_exist():
     assert {path.stem for path in (DOCS.parent / "examples" / "classical").glob("*.py")} <= shown
 
 
+def test_pages_name_files_that_exist():
+    """Sources, tests and folders between backticks: from the repository's root, or of the package."""
+    root = DOCS.parent
+    for page in (root / "README.md", *DOCS.glob("*.md")):
+        for name in re.findall(r"`((?:\w+/)+(?:\w+\.(?:py|h))?)`", page.read_text(encoding="utf-8")):
+            made = name.startswith("out/")
+            assert made or (root / name).exists() or (root / "acausal" / name).exists(), f"{page.name}: {name}"
+
+
 @pytest.mark.parametrize("page", ["tutorial", "concepts"])
 def test_code_on_pages_runs(page, tmp_path):
     blocks = re.findall(r"```{run}\n(.*?)```", (DOCS / f"{page}.md").read_text(encoding="utf-8"), re.DOTALL)
