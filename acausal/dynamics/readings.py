@@ -8,7 +8,6 @@ import casadi as ca
 
 from acausal.dynamics.placement import TreePlacement
 from acausal.errors import ModelError, UnknownVariableError
-from acausal.language.component import System
 from acausal.language.connector import FLOWS, Point, Quantity
 from acausal.language.expression import Derivative, Input, Magnitude, Parameter, Symbol, declared
 from acausal.language.flatten import FlatSystem, Part
@@ -80,13 +79,16 @@ class Readings:
     def _read(self, symbol: Symbol, part: Part) -> ca.SX:
         if isinstance(symbol, Magnitude) or not self.foreign(symbol.sx):
             return symbol.sx
+        at_parts = self.flat.at_parts(symbol)
+        if at_parts is not None:
+            return self.resolved(at_parts.sx, part)
         if isinstance(symbol, Quantity):
             return self._at_connector(symbol, part)
         if isinstance(symbol, Derivative):
             return self._rate(symbol, part)
         if isinstance(symbol, Parameter | Input):
             raise self._foreign(symbol, part, f"Keep it as an attribute: scene.name = ac.{type(symbol).__name__}(...).")
-        flange = self._flange_of_joint(symbol)
+        flange = self.free_flange(symbol)
         if flange is not None:
             return flange
         cuts = self.placement.kinematics.tree.mechanism.cuts
@@ -103,12 +105,6 @@ class Readings:
 
     def _at_connector(self, symbol: Quantity, part: Part) -> ca.SX:
         connector = symbol.connector
-        name = f"{self.flat.connector_paths.get(connector, connector.name)}.{symbol.name}"
-        if isinstance(connector.owner, System):
-            raise UnknownVariableError(
-                f"{part.where} depends on {name}, at the connector of a system of parts. Read it at the part that is connected there, e.g. "
-                "scene.arm.rod.frame.position."
-            )
         if not isinstance(connector, Point) or not any(p.component is connector.owner for p in self.flat.parts):
             raise self._foreign(symbol, part, "Assign its part: scene.name = ...")
         if symbol.name in _DYNAMIC:
@@ -139,8 +135,8 @@ class Readings:
             return symbol.sx
         return self.placement.kinematics.rate(of)
 
-    def _flange_of_joint(self, symbol: Symbol) -> ca.SX | None:
-        """Angle or position, and effort, at a joint's flange that nothing is connected to."""
+    def free_flange(self, symbol: Symbol) -> ca.SX | None:
+        """Angle or position, and effort, at a joint's flange that nothing is connected to; None for any other symbol."""
         for item in self.placement.kinematics.tree.joints:
             for flange in item.edge.joint.flanges:
                 if any(flange in members and len(members) > 1 for members in self.flat.connection_sets):

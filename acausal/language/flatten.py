@@ -30,6 +30,7 @@ from acausal.language.expression import (
     leaves,
 )
 from acausal.language.mode_laws import ModeLaw
+from acausal.language.ports import Ports, ports_of
 from acausal.wording import compact, grouped, nearest, shortened
 
 _ENTRY = re.compile(r"(.*)\[(\d+(?:,\d+)?)\]")
@@ -74,6 +75,8 @@ class FlatSystem:
     """Whether reactions are."""
     asked: tuple[Condition, ...] = ()
     """What parts ask of parameters."""
+    systems: tuple[System, ...] = ()
+    """Of which the parts are parts, the scene first."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return FlatSystem, (
@@ -85,6 +88,7 @@ class FlatSystem:
             self.modes,
             self.solved,
             self.asked,
+            self.systems,
         )
 
     @functools.cached_property
@@ -168,6 +172,25 @@ class FlatSystem:
         """By name: all symbols, and what else has been asked for."""
         return {name: symbol for symbol, name in self.names.items()}
 
+    def at_parts(self, symbol: Symbol) -> Expression | None:
+        """What a quantity or variable at a connector of a system is of the parts that touch there; None for any other symbol.
+
+        Raises `UnknownVariableError` where nothing touches, and for a flow that is not told apart from another one.
+        """
+        return self._ports.at_parts(symbol)
+
+    def inside(self, value: Expression) -> Expression:
+        """An expression with what stands at connectors of systems as the parts there have it."""
+        known = {leaf: found for leaf in value.leaves if self._ports.of and (found := self.at_parts(leaf)) is not None}
+        if not known:
+            return value
+        sx = ca.substitute([value.sx], [leaf.sx for leaf in known], [found.sx for found in known.values()])[0]
+        return Expression(sx, value.leaves.difference(known).union(*(found.leaves for found in known.values())))
+
+    @functools.cached_property
+    def _ports(self) -> Ports:
+        return ports_of(self.systems, self.connector_paths)
+
     def part_of(self, connector: Connector) -> Part:
         """The leaf part that a connector belongs to."""
         return next(part for part in self.parts if part.component is connector.owner)
@@ -220,7 +243,9 @@ def flatten(scene: System) -> FlatSystem:
     sets = _connection_sets(connections, connector_paths)
     _check_connected(sets, connector_paths)
     discretes = tuple(symbol for symbol in names if isinstance(symbol, Discrete))
-    return FlatSystem(type(scene).__name__, tuple(parts), names, connector_paths, sets, discretes, asked=tuple(asked))
+    return FlatSystem(
+        type(scene).__name__, tuple(parts), names, connector_paths, sets, discretes, asked=tuple(asked), systems=tuple(s for _, s in systems)
+    )
 
 
 def _check_attributes(system: System, prefix: str, owners: dict[int, str]) -> None:

@@ -258,6 +258,9 @@ class Outputs:
 
     def symbol(self, symbol: Symbol) -> ca.SX:
         """One declared symbol in t, x, u, p, and symbols for what the dynamics give."""
+        at_parts = self.system.flat.at_parts(symbol)
+        if at_parts is not None:
+            return self.shared(at_parts)
         if isinstance(symbol, Reaction) and symbol in self.system.solved:
             return self._open.solved.get(symbol, symbol.sx if self.system.modes is not None else self.system.solved[symbol])
         if isinstance(symbol, Time | Parameter | Input):
@@ -270,6 +273,7 @@ class Outputs:
         if symbol in self._joint_symbols:
             return self._joint_symbol(symbol)
         solved = self._solved(symbol)
+        solved = self.system.mechanics.readings.free_flange(symbol) if solved is None else solved
         if solved is not None:
             return solved
         raise UnknownVariableError(self._foreign(symbol))
