@@ -14,7 +14,7 @@ from acausal.collocation.problem import Accuracy, StatusKind
 from acausal.errors import OptionError
 from acausal.integrators.base import integrator, integrators
 from acausal.integrators.integrate import integrate
-from components import Particle, Prismatic, Revolute, Spring, World
+from components import Ground, Particle, Prismatic, Resistor, Revolute, Spring, VoltageSource, World
 from tests.scenes import DoublePendulum, FourBar
 
 NAMES = sorted(integrators())
@@ -147,6 +147,16 @@ def test_time_may_begin_anywhere_and_not_pass_at_all(name: str):
     assert later[scene.slide.q][-1] == pytest.approx(np.cos(2.0), abs=1e-5)
     still = model.simulate(0.0, {scene.slide.q: 1.0}, method=name)
     assert np.all(still[scene.slide.q] == 1.0)
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_what_has_no_state_follows_its_source(name: str):
+    scene = ac.System()
+    scene.source, scene.load, scene.ground = VoltageSource(np.sin(3 * ac.time)), Resistor(4.0), Ground()
+    scene.connect(scene.source.pin_a, scene.load.pin_a)
+    scene.connect(scene.source.pin_b, scene.load.pin_b, scene.ground.pin)
+    run = ac.build(scene).simulate(2.0, method=name, samples=7)
+    assert np.max(np.abs(4.0 * run[scene.load.pin_a.i] - np.sin(3 * run.t))) < 1e-15
 
 
 def test_a_revolving_hinge_is_the_same_for_all():
