@@ -54,7 +54,7 @@ def failure(problem: Whole, w: np.ndarray, cost: float, status: str) -> str:
         )
     elif kinked := [name for one in problem.parts for name in kinks(one.asked)]:
         words.append(
-            f"Kinks, where it has no slope, has: {', '.join(dict.fromkeys(kinked[:4]))}. Make it smooth: np.sqrt(u**2 + small**2) for the absolute value of u."
+            f"Kinks, where it has no slope, has: {', '.join(dict.fromkeys(kinked[:4]))}. For the absolute value of an input u, act by a - b with two inputs of at least 0, and charge a + b; or make it smooth: np.sqrt(u**2 + small**2)."
         )
     runaway = [name for k, one in enumerate(problem.parts) for name in far_away(one, problem.unknowns(w, k))]
     if runaway:
