@@ -194,7 +194,8 @@ class Stage:
             return ca.SX(float(wanted))
         f = self.mode.free
         s = f.outputs.system
-        given, _ = f.outputs.given_by_dynamics
+        count = s.x_dot.numel() + s.multipliers.numel()
+        given = f.outputs.given_by_dynamics[0][:count, :]
         found = ca.vec(ca.densify(f.outputs.opened(wanted)))
         if ca.depends_on(found, given):
             everything = f.space.put(s.x)
