@@ -77,6 +77,7 @@ def test_valves_conduct_one_way_and_without_voltage_in_any_order_of_parts(seed: 
         scene, parts, T, V = drawn(seed, 1e-3, order)
         run = ac.build(scene).simulate(2 * T, rtol=RTOL, samples=60)
         obeys(run, parts, V)
+        assert run.statistics.steps < 3000  # what rounds the voltages of sources is no sign that something switches
         runs.append(np.array([run[part.v] for part in parts]))
     assert runs[1] == pytest.approx(runs[0], abs=1e-7 * np.abs(runs[0]).max())
 

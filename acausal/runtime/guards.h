@@ -112,12 +112,15 @@ static void chebyshev_coefficients(const double *table, const double *values, do
     for (int k = 0; k <= n; k++) c[k] *= (k == 0 || k == n ? 1.0 : 2.0) / n * (k & 1 ? -1 : 1);
 }
 
-/* Whether the values keep away from what is no more than noise on the whole interval. */
-static int excludes_zero(const double *c, double noise) {
+/* By how much a series leaves its mean, at most. */
+static double series_varies(const double *c) {
     double rest = 0;
     for (int k = 1; k < POINTS; k++) rest += fabs(c[k]);
-    return fabs(c[0]) > 1.01 * rest + noise;
+    return rest;
 }
+
+/* Whether the values keep away from what is no more than noise on the whole interval. */
+static int excludes_zero(const double *c, double noise) { return fabs(c[0]) > 1.01 * series_varies(c) + noise; }
 
 /* Whether a series ends in what is only rounding of its values. */
 static int is_resolved(const double *c, double noise) {

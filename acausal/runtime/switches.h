@@ -16,6 +16,8 @@
 #define FAR_END 0.25
 #define MOST 30       /* places in a step tried; then it becomes shorter until none is left */
 #define CORNER 128.0  /* last coefficients of what has a corner between two points, as large as it is there */
+#define AS_MUCH 0.85  /* of the whole: a half varies by no less, so it is nothing but rounding */
+#define AS_OFTEN 4    /* times that tell so */
 #define HOP 1e-5      /* of a step: how far from its end a switch may go over; the state is moved there */
 
 static int make_switches(Integrator *I) {
@@ -364,11 +366,7 @@ static int are_all_far(Path *p) {
 }
 
 /* Whether what has these Chebyshev coefficients keeps above what is no more than noise. */
-static int stays_above(const double *c, double noise) {
-    double rest = 0;
-    for (int k = 1; k < POINTS; k++) rest += fabs(c[k]);
-    return c[0] - 1.01 * rest >= -noise;
-}
+static int stays_above(const double *c, double noise) { return c[0] - 1.01 * series_varies(c) >= -noise; }
 
 /* Whether what is so large at least may have a corner at zero between two points: its last coefficients tell of that by those that would follow. */
 static int may_turn(const double *c, double noise, double least) {
@@ -377,8 +375,10 @@ static int may_turn(const double *c, double noise, double least) {
     return CORNER * last > least;
 }
 
-/* Where a row becomes negative between lo and hi, 2 where it does not, -1 when the input function failed. `known`: its values, or null. */
-static double first_below(Path *p, double lo, double hi, const double *known, int depth) {
+/* Where a row becomes negative between lo and hi, 2 where it does not, -1 when the input function failed. `known`: its values, or null. `wider`: by how much it
+   varied in the interval that this is a half of; `same`: so many times in a row a half has varied as much as the whole: then it is what rounds terms that neither
+   states nor time show, and no half tells more. */
+static double first_below(Path *p, double lo, double hi, const double *known, int depth, double wider, int same) {
     struct State *T = p->I->state;
     double theta[POINTS], v[POINTS], c[POINTS], middle = 0.5 * (lo + hi), least = INFINITY;
     int finite = 0, below = -1, corner = has_corner(p->I, p->guard), turns = 0;
@@ -405,6 +405,10 @@ static double first_below(Path *p, double lo, double hi, const double *known, in
         chebyshev_coefficients(T->chebyshev, v, c);
         turns = corner && may_turn(c, p->noise, least);
         if (!turns && stays_above(c, p->noise)) return 2;
+        double varies = series_varies(c);
+        same = varies > AS_MUCH * wider ? same + 1 : 0;
+        wider = varies;
+        deep |= same >= AS_OFTEN;
         here = !p->series && is_resolved(c, 0.1 * p->noise);
         if (here) p->series = c, p->from = lo, p->to = hi;
     }
@@ -414,8 +418,8 @@ static double first_below(Path *p, double lo, double hi, const double *known, in
         else if (below == 0 || v[below - 1] <= 0) found = below == 0 ? lo : theta[below - 1];
         else found = zero_between(p, theta[below - 1], theta[below], v[below - 1], v[below]);
     } else {
-        found = first_below(p, lo, middle, 0, depth + 1);
-        if (found == 2) found = first_below(p, middle, hi, 0, depth + 1);
+        found = first_below(p, lo, middle, 0, depth + 1, wider, same);
+        if (found == 2) found = first_below(p, middle, hi, 0, depth + 1, wider, same);
     }
     if (here) p->series = 0;
     return found;
@@ -429,7 +433,7 @@ static double first_below_again(Path *p, const double *theta, const double *v, d
     p->noise = noise;
     if (!(v[most] > p->noise)) return 2;
     p->searches = 0;
-    return first_below(p, theta[most], 1, 0, 0);
+    return first_below(p, theta[most], 1, 0, 0, INFINITY, 0);
 }
 
 /* So soon is now [s]. */
@@ -525,7 +529,7 @@ static double first_switch(Path *p, struct Landing *L) {
         int is_coarse = r < first_set(I) && p->noise > known;
         coarse += is_coarse;
         p->searches = 0;
-        double here = first_below(p, 0, 1, T->row_values, 0);
+        double here = first_below(p, 0, 1, T->row_values, 0, INFINITY, 0);
         if (here < 0) return -1;
         if (here >= 0 && is_coarse && (here <= 1 || v[POINTS - 1] < -known)) { /* what has left zero comes back to it, not to as far below it as it began */
             double again = first_below_again(p, theta, v, known);

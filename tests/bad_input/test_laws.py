@@ -224,7 +224,6 @@ CASES = [
     Wrong("force that follows a measured torque", pushed(lambda s: (s.sensor.torque.value, 0, 0)), MODEL, ("push (", "sensor.torque.value", "accelerations", "Integrator")),
     Wrong("force that follows another scene", pushed(lambda s: (Pendulum().hinge.q, 0, 0)), UNKNOWN, ("push (", "'q' [rad]", "no part of the scene")),
     Wrong("force that follows a point elsewhere", pushed(lambda s: Pendulum().rod.tip.position), UNKNOWN, ("push (", "position", "Assign its part")),
-    Wrong("force that follows a system's connector", lambda: ac.build(followed()), UNKNOWN, ("push (", "arm.end.position", "connector of a system", "part that is connected")),
     Wrong("force of an undeclared symbol", pushed(lambda s: (ca.SX.sym("a"), 0, 0)), MODEL, ("push (", "'a'", "declared nowhere", "ac.Parameter")),
     Wrong("thin rod on a ball joint", thin_rod((0, 0, -1), held=True), errors.MasslessError, ("'ball'", HERE, "rod", "thin", "radius=")),
     Wrong("thin rod on a ball joint, askew", thin_rod((1, 1, 1), held=True), errors.MasslessError, ("'ball'", "thin", "Universal")),
@@ -248,26 +247,6 @@ CASES = [
     Wrong("interpolation of scipy without pieces", lambda: TorqueSource(KroghInterpolator((0, 1, 2), (0, 1, 0))), PARAMETER, ("KroghInterpolator", "CubicSpline", HERE)),
     Wrong("law of a lost symbol", lambda: ac.build(sprung(lambda s: ca.SX.sym("k") * s**2)), MODEL, ("spring (", "'k'", "declared nowhere")),
 ]  # fmt: skip
-
-
-class Arm(ac.System):
-    """A rod with a connector of its own."""
-
-    end = ac.Frame.port()
-
-    def __init__(self) -> None:
-        self.rod = RigidBody.rod(1.0, (0, 0, -1))
-        self.connect(self.end, self.rod.frame)
-
-
-def followed() -> ac.System:
-    scene = ac.System()
-    scene.world, scene.hinge, scene.arm = World(), Revolute("y"), Arm()
-    scene.connect(scene.world.frame, scene.hinge.frame_a)
-    scene.connect(scene.hinge.frame_b, scene.arm.end)
-    scene.push = Force(scene.arm.end.position)
-    scene.connect(scene.push.point, scene.arm.rod.tip)
-    return scene
 
 
 def sprung(potential: Callable[[ca.SX], Any]) -> ac.System:
