@@ -123,7 +123,12 @@ def test_what_drives_bear_is_read_of_the_dynamics_once(rough: bool) -> None:
         scene.brake = Brake(scene.other.flange, 0.05)
     run = ac.build(scene).simulate(0.5, {scene.elbow.q: 0.4, scene.other.v: 2.0}, samples=7)
     f = run.functions
-    for wanted in (scene.drive.flange.tau, scene.gear.flange_b.tau, ac.der(scene.rotor.w), 2 * scene.gear.flange_a.tau + scene.elbow.v):
+    for wanted in (
+        scene.drive.flange.tau,
+        scene.gear.flange_b.tau,
+        ac.der(scene.rotor.w),
+        2 * scene.gear.flange_a.tau + scene.elbow.v,
+    ):
         output, series = f.output(wanted), run[wanted]
         closed = [float(output(run.t[k], run.x[:, k], run.u[:, k], run.problem.parameters)) for k in range(7)]
         assert np.max(np.abs(series - closed)) < 1e-12 * np.max(np.abs(closed))

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import StartValueError
-from acausal.numerics.bound import Columns, dense
+from acausal.numerics.bound import Columns
 from acausal.numerics.folding import folded_function
 from acausal.numerics.rounding import Rounding
 from acausal.outputs.functions import Functions
@@ -37,13 +37,15 @@ def operating_point(functions: Functions, at: Situation, states: Sequence[float]
     """
     x = at.initial(functions).x if states is None else consistent_states(functions, states, at.t0, at.p)
     u, given, modes = at.u(functions), at.discretes(functions), functions.modes
-    for _ in range(0 if given is None else given.size):  # what parts remember may be said by what others do
-        assert given is not None and modes is not None and modes.set is not None
-        begun = np.array(modes.set.values(at.t0, x, u, at.p)).ravel()[: given.size]
-        u[u.size - given.size :] = np.where(np.isnan(given), begun, given)
-    if given is not None and modes is not None and modes.set is not None:
-        for k in np.flatnonzero(~np.isfinite(u[u.size - given.size :])).tolist():
-            raise StartValueError(modes.set.no_beginning(k))
+    if given is not None and given.size:
+        assert modes is not None and modes.set is not None
+        remembered = u[u.size - given.size :]
+        for _ in range(given.size):  # what parts remember may be said by what others do
+            begun = np.array(modes.set.values(at.t0, x, u, at.p)).ravel()[: given.size]
+            remembered[:] = np.where(np.isnan(given), begun, given)
+        lost = np.flatnonzero(~np.isfinite(remembered))
+        if lost.size:
+            raise StartValueError(modes.set.no_beginning(int(lost[0])))
     return OperatingPoint(at.t0, x, u, at.p)
 
 
@@ -56,7 +58,7 @@ class Differentiable:
         function = folded_function("column", arguments, [ca.densify(column)]) if self.size else None
         self._values = None if function is None else Columns(function)
         self._rounding = None if function is None else Rounding(function)
-        self._forward = None if function is None else Columns(dense(function.forward(1)))
+        self._forward = None if function is None else Columns(function.forward(1))
 
     def value(self, at: OperatingPoint) -> np.ndarray:
         """(size,)."""

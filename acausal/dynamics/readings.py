@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass, field
 
 import casadi as ca
@@ -88,9 +89,8 @@ class Readings:
             return self._rate(symbol, part)
         if isinstance(symbol, Parameter | Input):
             raise self._foreign(symbol, part, f"Keep it as an attribute: scene.name = ac.{type(symbol).__name__}(...).")
-        flange = self.free_flange(symbol)
-        if flange is not None:
-            return flange
+        if symbol in self.free_flanges:
+            return self.free_flanges[symbol]
         cuts = self.placement.kinematics.tree.mechanism.cuts
         cut = next((c for c in cuts if isinstance(c.joint, AbstractJoint) and symbol in (c.joint.q, c.joint.v)), None)
         if cut is not None:
@@ -135,18 +135,17 @@ class Readings:
             return symbol.sx
         return self.placement.kinematics.rate(of)
 
-    def free_flange(self, symbol: Symbol) -> ca.SX | None:
-        """Angle or position, and effort, at a joint's flange that nothing is connected to; None for any other symbol."""
+    @functools.cached_property
+    def free_flanges(self) -> dict[Symbol, ca.SX]:
+        """Angles or positions, and efforts, at joints' flanges that nothing is connected to."""
+        alone = {members[0] for members in self.flat.connection_sets if len(members) == 1}
+        found: dict[Symbol, ca.SX] = {}
         for item in self.placement.kinematics.tree.joints:
             for flange in item.edge.joint.flanges:
-                if any(flange in members and len(members) > 1 for members in self.flat.connection_sets):
-                    continue
-                potential, flow = FLOWS[type(flange)]
-                if symbol is getattr(flange, potential):
-                    return item.edge.joint.q.sx
-                if symbol is getattr(flange, flow):
-                    return ca.SX(0)
-        return None
+                if flange in alone:
+                    potential, flow = FLOWS[type(flange)]
+                    found |= {getattr(flange, potential): item.edge.joint.q.sx, getattr(flange, flow): ca.SX(0)}
+        return found
 
     def _foreign(self, symbol: Symbol, part: Part, hint: str) -> UnknownVariableError:
         what = repr(symbol) if isinstance(symbol, Quantity) else f"the {symbol.kind} '{symbol.name}' [{symbol.unit}]"

@@ -181,7 +181,7 @@ class FlatSystem:
 
     def inside(self, value: Expression) -> Expression:
         """An expression with what stands at connectors of systems as the parts there have it."""
-        known = {leaf: found for leaf in value.leaves if self._ports.of and (found := self.at_parts(leaf)) is not None}
+        known = {leaf: found for leaf in value.leaves if (found := self.at_parts(leaf)) is not None}
         if not known:
             return value
         sx = ca.substitute([value.sx], [leaf.sx for leaf in known], [found.sx for found in known.values()])[0]
@@ -244,7 +244,14 @@ def flatten(scene: System) -> FlatSystem:
     _check_connected(sets, connector_paths)
     discretes = tuple(symbol for symbol in names if isinstance(symbol, Discrete))
     return FlatSystem(
-        type(scene).__name__, tuple(parts), names, connector_paths, sets, discretes, asked=tuple(asked), systems=tuple(s for _, s in systems)
+        type(scene).__name__,
+        tuple(parts),
+        names,
+        connector_paths,
+        sets,
+        discretes,
+        asked=tuple(asked),
+        systems=tuple(s for _, s in systems),
     )
 
 

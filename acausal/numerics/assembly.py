@@ -114,6 +114,7 @@ def held(residual: Residual, still: Sequence[int]) -> Residual:
     """The same residual, with derivatives as if the unknowns `still` could not change, so that no step moves them."""
     if not still:
         return residual
+    still = list(still)
 
     def rows(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         r, J = residual(z)

@@ -48,7 +48,7 @@ class Columns:
     """
 
     def __init__(self, function: ca.Function) -> None:
-        self._function, self._own = function, threading.local()
+        self._function, self._own = dense(function), threading.local()
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Columns, (self._function,)

@@ -194,8 +194,7 @@ class Stage:
             return ca.SX(float(wanted))
         f = self.mode.free
         s = f.outputs.system
-        count = s.x_dot.numel() + s.multipliers.numel()
-        given = f.outputs.given_by_dynamics[0][:count, :]
+        given = f.outputs.rates_and_multipliers
         found = ca.vec(ca.densify(f.outputs.opened(wanted)))
         if ca.depends_on(found, given):
             everything = f.space.put(s.x)

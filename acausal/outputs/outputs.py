@@ -77,7 +77,7 @@ class Outputs:
 
     @functools.cached_property
     def given_by_loops(self) -> ca.SX:
-        """What these stand for, in t, x, u, p, and symbols for rates and multipliers."""
+        """What these stand for, in t, x, u, p, and symbols for what the dynamics give."""
         return ca.densify(self._reactions.balanced)
 
     @functools.cached_property
@@ -93,8 +93,13 @@ class Outputs:
         """Symbols (n, 1) that may stand in what `shared` gives, for rates of the states, multipliers of loops, reactions that hold as long as they can, and
         variables of scalar parts that follow from accelerations; and what they stand for."""
         s, (reactions, found) = self.system, self.by_modes
-        symbols = ca.vertcat(self._rates, self._multipliers, reactions, self._yielding_symbols)
+        symbols = ca.vertcat(self.rates_and_multipliers, reactions, self._yielding_symbols)
         return symbols, ca.densify(ca.vertcat(s.x_dot, s.multipliers, found, self.yielding))
+
+    @property
+    def rates_and_multipliers(self) -> ca.SX:
+        """Those of these symbols that may stand in what `opened` gives, but for reactions that hold as long as they can."""
+        return ca.vertcat(self._rates, self._multipliers)
 
     @functools.cached_property
     def _by_yielding(self) -> dict[Symbol, ca.SX]:
@@ -273,9 +278,11 @@ class Outputs:
         if symbol in self._joint_symbols:
             return self._joint_symbol(symbol)
         solved = self._solved(symbol)
-        solved = self.system.mechanics.readings.free_flange(symbol) if solved is None else solved
         if solved is not None:
             return solved
+        free = self.system.mechanics.readings.free_flanges
+        if symbol in free:
+            return free[symbol]
         raise UnknownVariableError(self._foreign(symbol))
 
     def _check_known(self, symbol: Symbol) -> None:

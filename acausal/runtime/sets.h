@@ -63,8 +63,11 @@ static enum Code begin_discretes(Integrator *I) {
         }
         if (!changed) break;
     }
-    for (I->other = 0; I->other < I->discretes; I->other++)
-        if (!isfinite(value[I->other])) return BEGINS_NO_NUMBER;
+    for (long k = 0; k < I->discretes; k++) {
+        if (isfinite(value[k])) continue;
+        I->other = k;
+        return BEGINS_NO_NUMBER;
+    }
     return !I->directions || begin_discrete_directions(I) ? REACHED_END : INPUT_FAILED;
 }
 

@@ -17,7 +17,6 @@ from acausal.language.connector import FLOWS, Connector, Point, Quantity, Rotati
 from acausal.language.equation import Equation, der, input_rates
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time, Variable, declared, time
 from acausal.language.flatten import FlatSystem, Part
-from acausal.parts.joint import AbstractJoint
 from acausal.scalar.canonical import canonical_parts
 from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown, symbols_in
 
@@ -104,9 +103,6 @@ class _Collector:
         self.read: dict[int, ca.SX] = {}
         owners = [part.component for part in flat.parts if any(isinstance(c, Point) for c in part.component.connectors())]
         self.mechanical = {variable for owner in owners for variable in owner.variables()}
-        alone = {group[0] for group in flat.connection_sets if len(group) == 1}
-        joints = [owner for owner in owners if isinstance(owner, AbstractJoint)]
-        self.free = {getattr(f, name) for joint in joints for f in joint.flanges if f in alone for name in FLOWS[type(f)]}
         self.values = dict(zip(flat.parameters, values.tolist(), strict=True))
         self.elements: dict[Symbol, tuple[Symbol, ...]] = {}
         self.names: dict[Symbol, str] = {}
@@ -175,7 +171,10 @@ class _Collector:
     def _known_by_mechanics(self, residual: Expression, part: Part) -> tuple[ca.SX, frozenset[Symbol]]:
         """A residual and its symbols, with values put in for those of mechanics."""
         residual = self.flat.inside(residual)
-        symbols = [s for s in residual.leaves if isinstance(_base(s), Quantity) or _base(s) in self.mechanical or _base(s) in self.free]
+        free = self.readings.free_flanges
+        symbols = [
+            s for s in residual.leaves if isinstance(_base(s), Quantity) or _base(s) in self.mechanical or _base(s) in free
+        ]
         if not symbols:
             return residual.sx, residual.leaves
         symbols.sort(key=lambda s: s.name)

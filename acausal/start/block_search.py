@@ -48,10 +48,9 @@ def solve_block(
     whole, slowest = np.concatenate([data, first]), _SLOW * fastest
     sizes, wanted = block.sizes(whole, first, factors)
     search = _Search(block, data, first, factors, whole, sizes.faster(slowest), wanted, slowest)
-    led = replace(search, still=block.leading)  # what is given by others is found beside them, where they may stay
     if informed is not None and not np.array_equal(informed, search.begun):
-        there = replace(led, sizes=block.sizes_at(informed, data, first, factors).faster(slowest))
-        found, right = there.descend(informed)
+        there = replace(search, still=block.leading, sizes=block.sizes_at(informed, data, first, factors).faster(slowest))
+        found, right = there.descend(informed)  # what is given by others is found beside them, where they may stay
         if right:
             y = _without_noise(found.y, search.begun, there.sizes.unknowns)
             return Found(y, search.begun, found.gap, found.part, True, found.iterations)
@@ -261,7 +260,7 @@ class _Search:
             return np.concatenate([c, r]), np.vstack([J, Jw])
 
         sizes = replace(self.sizes, rows=np.concatenate([self.sizes.rows, np.ones(len(self.block.wished))]), rounding=None)
-        return assemble(held(both, list(self.still)), self.begun, sizes=sizes, stride=self._stride).y
+        return assemble(held(both, self.still), self.begun, sizes=sizes, stride=self._stride).y
 
     def meets_wishes(self, y: np.ndarray) -> bool:
         """Whether everything is met that start values wish for."""
