@@ -372,7 +372,7 @@ static int stays_above(const double *c, double noise) { return c[0] - 1.01 * ser
 static int may_turn(const double *c, double noise, double least) {
     double last = 0;
     for (int k = POINTS - 3; k < POINTS; k++) last = fmax(last, fabs(c[k]) - noise);
-    return CORNER * last > least;
+    return CORNER * last > fmax(least, 0);
 }
 
 /* Where a row becomes negative between lo and hi, 2 where it does not, -1 when the input function failed. `known`: its values, or null. `wider`: by how much it
