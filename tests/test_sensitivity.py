@@ -155,6 +155,54 @@ def test_many_directions_fill_several_blocks_of_lanes():
             assert np.max(np.abs(together.S[:, :, column] - alone.S[:, :, 0])) < 1e-9
 
 
+@pytest.mark.parametrize("damping", [0.0, 0.3, 2e3])
+def test_derivatives_are_as_exact_at_many_times_as_at_a_few(damping):
+    """Inside of steps as at their ends, of which there are no more for being asked often: of a closed form, in explicit steps and implicit ones."""
+    scene, draw = Oscillator(damping), np.random.default_rng(8)
+    model = ac.build(scene)
+    time, k, m, F, x0, v0 = (ca.SX.sym(n) for n in ("t", "k", "m", "F", "x0", "v0"))
+    wanted = [scene.stiffness, scene.mass, scene.push, scene.rail.q, scene.rail.v]
+    symbols, middle = ca.vertcat(k, m, F, x0, v0), F / k
+    if damping > 100:
+        root = ca.sqrt((damping / (2 * m)) ** 2 - k / m)
+        fast, slow = -damping / (2 * m) - root, -(k / m) / (damping / (2 * m) + root)
+        a = (v0 - slow * (x0 - middle)) / (fast - slow)
+        x = middle + a * ca.exp(fast * time) + (x0 - middle - a) * ca.exp(slow * time)
+    else:
+        half, w = damping / (2 * m), ca.sqrt(k / m - (damping / (2 * m)) ** 2)
+        x = middle + ca.exp(-half * time) * (
+            (x0 - middle) * ca.cos(w * time) + (v0 + half * (x0 - middle)) / w * ca.sin(w * time)
+        )
+    slope = ca.Function("slope", [time, symbols], [ca.jacobian(x, symbols)]).map(300)
+    for rtol in (1e-5, 1e-8, 1e-11):
+        at = [draw.uniform(1, 9), draw.uniform(0.3, 3), 0.8, 0.3, 0.5]
+        end = 20 * np.sqrt(at[1] / at[0])
+        times = np.sort([0.0, *draw.uniform(0, end, 298), end])
+        found = model.sensitivities(
+            times, wanted, {scene.rail.q: at[3], scene.rail.v: at[4]}, inputs={scene.push: at[2]}, rtol=rtol,
+            parameters={scene.stiffness: at[0], scene.mass: at[1]},
+        )  # fmt: skip
+        exact = np.array(slope(times[None], np.repeat(np.array(at)[:, None], 300, axis=1))).reshape(300, 5)
+        assert np.all(np.abs(found[scene.rail.q] - exact) < (10 * rtol + 1e-12) * np.max(np.abs(exact), axis=0))
+
+
+def test_loops_stay_closed_by_their_derivatives_at_however_many_times_these_are_asked_for():
+    """And these are the same as where the motion ends at each."""
+    scene = AdjustableFourBar()
+    model, times = ac.build(scene), np.linspace(0.0, 2.0, 161)
+    start, wanted = {scene.a.q: 1.0, scene.a.v: 2.0}, [scene.length, scene.mass, scene.a.v]
+    found = model.sensitivities(times, wanted, start, rtol=1e-10)
+    f = model.functions
+    x, p = ca.SX.sym("x", found.x.shape[0]), ca.SX.sym("p", 2)
+    slope = ca.Function("slope", [x, p], [ca.jacobian(f.invariants(0, x, p), ca.vertcat(x, p))])
+    for k in range(0, 161, 10):
+        change = np.vstack([found.S[k], found.directions.dp])
+        assert np.max(np.abs(np.array(slope(found.x[:, k], found.problem.parameters)) @ change)) < 1e-12 * (1 + np.max(np.abs(change)))
+    for k in (3, 50, 77, 131):
+        alone = model.sensitivities([0.0, times[k]], wanted, start, rtol=1e-10).S[1]
+        assert np.max(np.abs(found.S[k] - alone)) < 1e-8 * np.max(np.abs(alone))
+
+
 def test_stiff_motion_goes_on_with_radau():
     scene = Oscillator(damping=2e5)
     model = ac.build(scene)

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.collocation.modes import ModesMet
-from acausal.collocation.problem import Accuracy, Directions, Problem, Status, StatusKind
+from acausal.collocation.problem import Accuracy, Directions, Problem, Status
 from acausal.integrators.automatic import gauss_or_radau
 from acausal.integrators.base import native
-from acausal.runtime.native import Run, interrupts_noted
+from acausal.runtime.native import Run
 
 
 @dataclass(frozen=True)
@@ -36,24 +36,18 @@ def integrate_sensitivities(
 ) -> Sensitive:
     """States and derivatives at ascending times (m,), the first of which is the start.
 
-    The derivatives are those of the numerical motion, carried along step by step, directions in lanes; steps end at the times.
+    The derivatives are those of the numerical motion, carried along step by step, directions in lanes. What is asked for inside of steps is refined as dense
+    output is, or the step ends there.
     """
-    compiled = native(problem)
-    x = np.full((x0.size, times.size), np.nan)
-    S = np.full((times.size, *directions.dx.shape), np.nan)
-    x[:, 0], S[0] = x0, directions.dx
     choice = gauss_or_radau(accuracy.rtol)
-    run = Run(compiled, problem, x0, float(times[0]), float(times[0]), accuracy, choice, directions)
-    status, D = Status(StatusKind.SUCCESS, float(times[0])), [run.discrete_S.T.copy()] * times.size
-    with interrupts_noted() as interrupts:  # once for all times: each of them may be a step of microseconds
-        for k, end in enumerate(times[1:], start=1):
-            status = run.advance(float(end)).status
-            if interrupts:
-                raise KeyboardInterrupt
-            if status.kind is not StatusKind.SUCCESS:
-                break
-            x[:, k], S[k], D[k] = run.x, run.S.T, run.discrete_S.T.copy()
-    return Sensitive(x, S, status, run.core.passages, run.modes(), _law(run.core.grazed), _law(run.core.coincides), np.array(D))
+    start = float(times[0])
+    run = Run(native(problem), problem, x0, start, start, accuracy, choice, directions, times[1:])
+    begins = run.discrete_S.T.copy()
+    status = run.advance(float(times[-1])).status
+    x = np.column_stack([x0, run.asked_x.T])
+    S = np.concatenate([directions.dx[None], run.asked_S.transpose(0, 2, 1)])
+    discrete = np.concatenate([begins[None], run.asked_discrete.transpose(0, 2, 1)])
+    return Sensitive(x, S, status, run.core.passages, run.modes(), _law(run.core.grazed), _law(run.core.coincides), discrete)
 
 
 def _law(number: int) -> int | None:

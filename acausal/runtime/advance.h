@@ -58,7 +58,7 @@ static int make_parts(Integrator *I) {
     if ((I->held || I->row_count) && !make_switches(I)) return 0;
     if (changes_modes(I) && !make_modes(I)) return 0;
     if ((I->discretes || I->set_count) && !make_sets(I)) return 0;
-    if (!make_vectors(I, most) || (I->directions && !make_sensitivity(I))) return 0;
+    if (!make_vectors(I, most) || (I->directions && !(make_sensitivity(I) && make_asked(I)))) return 0;
     return !(I->block || I->counted) || make_rest(I, most);
 }
 
@@ -181,6 +181,15 @@ void remember(Integrator *I, const double *masks) {
 
 Transition last_transition(const Integrator *I) { return I->state->last; }
 
+/* One step, until I->end at most. */
+static enum Code one_step(Integrator *I) {
+    double end = I->end;
+    if (ends_at_asked(I)) I->end = fmin(end, next_asked(I));
+    enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
+    I->end = end;
+    return code;
+}
+
 static enum Code run_steps(Integrator *I) {
     struct State *T = I->state;
     double deadline = I->slice > 0 ? now() + I->slice : 0, t = I->t;
@@ -203,7 +212,7 @@ static enum Code run_steps(Integrator *I) {
         }
         I->end = stop;
         int there = arrives(I, stop);
-        enum Code code = there ? REACHED_END : I->step > 0 ? one_fixed(I) : one_adaptive(I);
+        enum Code code = there ? REACHED_END : one_step(I);
         I->end = end;
         if (code == REACHED_END && I->guards && !there) code = watch(I);
         if (code == REACHED_END && stop < end && I->t >= stop) {
@@ -211,6 +220,7 @@ static enum Code run_steps(Integrator *I) {
         }
         if (code == REACHED_END && !I->block) code = decide_here(I);
         if (code != REACHED_END) return code;
+        give_here(I);
         if ((I->slice == 0 || now() > deadline) && I->t < I->end) return PAUSED;
     }
     return REACHED_END;
@@ -218,7 +228,14 @@ static enum Code run_steps(Integrator *I) {
 
 /* Steps until the end, a failure, or the end of the time slice. After the end has been reached it may be set later. */
 int advance(Integrator *I) {
-    enum Code code = run_steps(I);
+    enum Code code;
+    double end = I->end;
+    do {
+        if (changes_modes(I)) I->end = fmin(end, next_asked(I));
+        code = run_steps(I);
+        if (code == REACHED_END) give_here(I);
+    } while (code == REACHED_END && I->end < end);
+    I->end = end;
     give_directions(I);
     return (int)code;
 }

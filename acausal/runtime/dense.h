@@ -30,16 +30,22 @@ static int has_settled(const Integrator *I, const Stages *F) {
     return last <= before;
 }
 
-/* Legendre coefficients (nx, blocks * LANES of `fine`) of the refined rates of step k: the same whenever they are asked for, and the
-   steps that come after it do not see it. */
-static int refine_step(Integrator *I, Stages *F, long k) {
+/* What is refined: a step of size h from x at t, Legendre coefficients a (nx, width) of its rates, of which s count, sizes that states have had by its end, and sides of switches. */
+typedef struct {
+    double t, h;
+    const double *x, *a;
+    long s, width;
+    double *size, *side;
+} Inside;
+
+/* Legendre coefficients (nx, blocks * LANES of `fine`) of the refined rates of a step. Returns 0 when the input function failed. */
+static int refine(Integrator *I, Stages *F, const Inside *step) {
     struct State *T = I->state;
-    k -= I->first;
-    double t = I->times[k], h = I->times[k + 1] - t, P[64];
-    const double *x = I->states + k * I->nx, *a = I->coefficients + I->offset[k];
-    long s = I->stage_count[k];
+    double t = step->t, h = step->h, P[64];
+    const double *x = step->x, *a = step->a;
+    long s = step->s;
     double *held = T->side;
-    if (I->held) T->side = I->step_sides + k * I->held;
+    T->side = step->side;
     int given = stage_times(I, F, t, h);
     T->side = held;
     if (!given) return 0;
@@ -47,7 +53,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
         legendre_values(F->method->c[j < F->s ? j : F->s - 1], s, P);
         for (long i = 0; i < I->nx; i++) {
             double sum = 0;
-            for (long q = s - 1; q >= 0; q--) sum += P[q] * a[i * s + q];
+            for (long q = s - 1; q >= 0; q--) sum += P[q] * a[i * step->width + q];
             F->K[j / LANES][i][j % LANES] = sum;
         }
     }
@@ -55,7 +61,7 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     double *met = T->size, work = I->work;
     memcpy(T->aside, T->noise, sizeof(double) * (size_t)I->nx);
     memcpy(T->apart, T->spread, sizeof(double) * (size_t)I->nx);
-    T->size = I->coefficients + I->offset[k] + s * I->nx;
+    T->size = step->size;
     T->newton_now = 0;
     forget_noise(I);
     T->noisy = 0;
@@ -85,6 +91,15 @@ static int refine_step(Integrator *I, Stages *F, long k) {
     memcpy(T->spread, T->apart, sizeof(double) * (size_t)I->nx);
     legendre_coefficients(I, F, F->K);
     return 1;
+}
+
+/* The same of step k: the same whenever it is asked for, and the steps that come after it do not see it. */
+static int refine_step(Integrator *I, Stages *F, long k) {
+    k -= I->first;
+    long s = I->stage_count[k];
+    double *a = I->coefficients + I->offset[k];
+    Inside step = {I->times[k], I->times[k + 1] - I->times[k], I->states + k * I->nx, a, s, s, a + s * I->nx, I->held ? I->step_sides + k * I->held : I->state->side};
+    return refine(I, F, &step);
 }
 
 static int fine_stages(Integrator *I, const Method *fine) {

@@ -707,7 +707,6 @@ struct Landing {
 };
 static double landing(Integrator *I, const Stages *S, double h, struct Landing *L);
 static enum Code go_over(Integrator *I, const struct Landing *L);
-static double at_once(const Integrator *I);
 static enum Code decide_here(Integrator *I);
 
 /* After a step, at the end of which a switch may go over. */
@@ -873,6 +872,17 @@ static enum Code one_adaptive(Integrator *I) {
         if (!(error <= 1)) {
             shorten(I, S, h, error);
             continue;
+        }
+        if (I->directions && I->asked) {
+            int told = tell_inside(I, S, h);
+            if (told < 0) return INPUT_FAILED;
+            if (!told) {
+                I->end = next_asked(I);
+                I->h = planned;
+                L.row = -1;
+                refused--;
+                continue;
+            }
         }
         if (S->around) I->error = 0; /* rounding makes errors jump there: how they grow from step to step says nothing */
         double wanted = next_size(I, h, error);

@@ -353,6 +353,7 @@ class Run:
         accuracy: Accuracy,
         choice: Choice,
         directions: Directions | None = None,
+        asked: np.ndarray | None = None,
     ) -> None:
         self.started = time.perf_counter()
         self.native, self.choice = native, choice
@@ -389,7 +390,7 @@ class Run:
         if problem.guards is not None:
             self._watch(problem.guards)
         if directions is not None:
-            self._follow(directions)
+            self._follow(directions, np.zeros(0) if asked is None else asked)
         with self._programs_of_modes():
             begun = native.library.begin(ctypes.byref(core))
         if not begun:
@@ -438,15 +439,21 @@ class Run:
             self._callback = InputFunction(_weakly(self._input))
             core.input = self._callback
 
-    def _follow(self, directions: Directions) -> None:
+    def _follow(self, directions: Directions, asked: np.ndarray) -> None:
+        """Directions along the motion, and what is asked for at ascending times: `asked_x` (m, nx), `asked_S` (m, n, nx), `asked_discrete` (m, n, discretes)."""
         core = self.core
-        self.S = np.ascontiguousarray(directions.dx.T, dtype=float)
+        self.S = np.array(directions.dx.T, dtype=float, order="C")
         du = np.vstack([directions.du[: self.native.nu - self.native.held], np.zeros((self.native.held, self.S.shape[0]))])
         self._du, self._dp = (np.ascontiguousarray(d.T, dtype=float) for d in (du, directions.dp))
         core.directions = self.S.shape[0]
         core.S, core.du, core.dp = _address(self.S), _address(self._du), _address(self._dp)
         self.discrete_S = np.zeros((self.S.shape[0], self.native.integrand.numbers["discretes"]))
         core.discrete_S = _address(self.discrete_S)
+        self._asked = np.ascontiguousarray(asked, dtype=float)
+        shapes = (self.x.shape, self.S.shape, self.discrete_S.shape)
+        self.asked_x, self.asked_S, self.asked_discrete = (np.full((asked.size, *shape), np.nan) for shape in shapes)
+        core.asked, core.asked_t = asked.size, _address(self._asked)
+        core.asked_x, core.asked_S, core.asked_discrete = _address(self.asked_x), _address(self.asked_S), _address(self.asked_discrete)
         self._use(self.native.variation, *(wanted.name for wanted in self.native.integrand.variation))
 
     def _watch(self, guards: Guards) -> None:

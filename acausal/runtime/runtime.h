@@ -160,6 +160,10 @@ typedef struct Integrator {
     double *S;
     const double *du, *dp;
     double *discrete_S; /* of discrete values (directions, discretes), as S is; or null */
+    /* `asked` times, which ascend: states (asked, nx), S (asked, directions, nx) and discrete_S there (asked, directions, discretes), of the first so many that have been `given` */
+    long asked, given;
+    const double *asked_t;
+    double *asked_x, *asked_S, *asked_discrete;
     void *user; /* of `input` */
     /* Coefficients beyond `budget` bytes are kept of steps only in which there is an event, or one of the times `read`, which ascend; ends of
        steps beyond so many bytes of these steps, and some between them. 0: all */

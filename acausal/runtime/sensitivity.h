@@ -12,6 +12,7 @@ static int make_sensitivity(Integrator *I) {
     long n = I->nx, B = direction_blocks(I), most = 0, fixed = 1 + n + I->nu;
     for (long k = 0; k < I->methods; k++)
         if (I->method_list[k].stages > most) most = I->method_list[k].stages;
+    long inside = I->asked && I->fine && I->fine->stages > most ? I->fine->stages : most; /* see asked.h */
     if (!arranged(I, &I->variation, &T->variation_in, &T->variation_out, &T->variation_c, fixed)) return 0;
     for (long i = 0; i < I->nu - I->held && !I->counted; i++) T->variation_in[1 + n + i] = v_all(I->u[i]);
     if (I->ng && !arranged(I, &I->projected, &T->projected_in, &T->projected_out, &T->projected_c, 1 + n + I->masks)) return 0;
@@ -20,8 +21,8 @@ static int make_sensitivity(Integrator *I) {
     T->D_noise = reserve_lanes(I, n);
     T->D_rates = reserve_lanes(I, B * most * n);
     T->D_last = reserve_lanes(I, B * most * n);
-    T->D_stages = reserve_lanes(I, most * n);
-    T->D_new = reserve_lanes(I, most * n);
+    T->D_stages = reserve_lanes(I, inside * n);
+    T->D_new = reserve_lanes(I, inside * n);
     if (I->counted) return 1;
     if (!T->D || !T->D_size || !T->D_noise || !T->D_rates || !T->D_last || !T->D_stages || !T->D_new) return 0;
     for (long d = 0; d < B * LANES; d++)
@@ -102,12 +103,12 @@ static int has_converged(const Judge *J, double missed, double last) {
     return J->count > 1 && missed < last && J->change * missed <= J->tolerance * (last - missed);
 }
 
-/* The stage equations of one block of directions; D_rates of the block in, better ones out. Returns whether they converged. */
-static int solve_variation(Integrator *I, Stages *S, double h, long block) {
+/* The stage equations of one block of directions; their rates K (s, n) in, better ones out. Returns whether they converged. */
+static int solve_variation(Integrator *I, Stages *S, double h, long block, V *K) {
     struct State *T = I->state;
     long n = I->nx, s = S->s;
     const double *A = S->method->A;
-    V *D = T->D + block * n, *size = T->D_size + block * n, *noise = T->D_noise, *K = T->D_rates + block * s * n, *X = T->D_stages, *N = T->D_new;
+    V *D = T->D + block * n, *size = T->D_size + block * n, *noise = T->D_noise, *X = T->D_stages, *N = T->D_new;
     set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, block, 1);
     for (long i = 0; i < n; i++) size[i] = v_larger(size[i], v_abs(D[i]));
     double tolerance = I->step > 0 ? 0 : 1e-3;
@@ -187,15 +188,14 @@ static int solve_variations(Integrator *I, Stages *S, double h) {
                 K[j * n + i] = sum;
             }
         }
-        if (!solve_variation(I, S, h, b)) return 0;
+        if (!solve_variation(I, S, h, b, K)) return 0;
     }
     return 1;
 }
 
-/* Legendre coefficients (s, n) of the rates of one block of directions. */
-static void coefficients_of_variation(const Integrator *I, const Stages *S, long block, V *a) {
-    long n = I->nx, s = S->s;
-    const V *K = I->state->D_rates + block * s * n;
+/* Legendre coefficients (s, n) of the rates K (s, n) of one block of directions. */
+static void coefficients_of_variation(const Stages *S, long n, const V *K, V *a) {
+    long s = S->s;
     for (long i = 0; i < n; i++)
         for (long k = 0; k < s; k++) {
             V sum = v_all(0.0);
@@ -222,7 +222,7 @@ static double error_of_variation(const Integrator *I, const Stages *S, double h,
     long n = I->nx, s = S->s;
     V *a = T->D_new, *size = T->D_stages, moved = v_all(0.0);
     double sizes[64], worst = 0;
-    coefficients_of_variation(I, S, block, a);
+    coefficients_of_variation(S, n, T->D_rates + block * s * n, a);
     sizes_of_variation(I, S, h, block, size);
     for (long i = 0; i < n; i++)
         if (T->scale[i] > NOTHING) moved = v_larger(moved, size[i] / v_all(T->scale[i]));
@@ -267,32 +267,33 @@ static void advance_directions(Integrator *I, Stages *S, double h) {
     long n = I->nx, s = S->s;
     for (long b = 0; b < direction_blocks(I); b++) {
         V *a = T->D_last + b * s * n, *D = T->D + b * n;
-        coefficients_of_variation(I, S, b, a);
+        coefficients_of_variation(S, n, T->D_rates + b * s * n, a);
         sizes_of_variation(I, S, h, b, T->D_size + b * n);
         for (long i = 0; i < n; i++) D[i] = v_fma(v_all(h), a[i], D[i]);
     }
 }
 
-/* Back to directions along the invariants, at the state that has been projected. */
-static void project_directions(Integrator *I) {
+/* Back to directions along the invariants, those D (n) of one block, at the state x at t that has been projected. */
+static void project_block(Integrator *I, double t, const double *x, long block, V *D) {
     struct State *T = I->state;
     long n = I->nx;
-    V *in = T->projected_in;
-    long rest = 1 + n + I->masks + I->np;
-    in[0] = v_all(I->t);
-    for (long i = 0; i < n; i++) in[1 + i] = v_all(I->x[i]);
+    V *in = T->projected_in, *change = in + 1 + n + I->masks + I->np;
+    in[0] = v_all(t);
+    for (long i = 0; i < n; i++) in[1 + i] = v_all(x[i]);
     for (long k = 0; k < I->masks; k++) in[1 + n + k] = v_all(T->side[k]);
-    for (long b = 0; b < direction_blocks(I); b++) {
-        V *change = in + rest;
-        memcpy(change, T->D + b * n, sizeof(V) * (size_t)n);
-        change += n;
-        for (long k = 0; k < I->masks && I->discretes; k++) *change++ = v_all(0);
-        for (long d = 0; d < LANES; d++)
-            for (long k = 1; k <= I->discretes; k++) change[-k][d] = change_of_discrete(I, b * LANES + d, I->discretes - k);
-        set_directions(I, change, b, 0);
-        run_kernel(&I->projected, in, T->projected_c, T->projected_out, T->work);
-        memcpy(T->D + b * n, T->projected_out, sizeof(V) * (size_t)n);
-    }
+    memcpy(change, D, sizeof(V) * (size_t)n);
+    change += n;
+    for (long k = 0; k < I->masks && I->discretes; k++) *change++ = v_all(0);
+    for (long d = 0; d < LANES; d++)
+        for (long k = 1; k <= I->discretes; k++) change[-k][d] = change_of_discrete(I, block * LANES + d, I->discretes - k);
+    set_directions(I, change, block, 0);
+    run_kernel(&I->projected, in, T->projected_c, T->projected_out, T->work);
+    memcpy(D, T->projected_out, sizeof(V) * (size_t)n);
+}
+
+/* The same of all directions, where the motion is now. */
+static void project_directions(Integrator *I) {
+    for (long b = 0; b < direction_blocks(I); b++) project_block(I, I->t, I->x, b, I->state->D + b * I->nx);
 }
 
 /* The sensitivities so far, into S. */

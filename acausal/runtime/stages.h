@@ -212,6 +212,7 @@ struct State {
     struct GuardState *guard_states;
     V *variation_in, *variation_out, *variation_c, *projected_in, *projected_out, *projected_c;
     V *D, *D_size, *D_noise, *D_rates, *D_last, *D_stages, *D_new; /* directions: values, sizes, what rounding makes of rates, these, Legendre coefficients, at stages */
+    V *D_inside, *D_series, *D_there; /* inside of a step: rates, Legendre coefficients, values; see asked.h */
     double *J;               /* of the rates, by pattern */
     V *dK, *residual;        /* Newton: per block and state */
     struct Sparse sparse;
