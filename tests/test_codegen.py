@@ -339,8 +339,8 @@ def _graph(seed: int, steps: int = 150) -> Graph:
 @every_compiler
 def test_random_graphs_agree_with_the_virtual_machine_however_they_are_cut(command: Command) -> None:
     """Up to rounding with the virtual machine; to the bit for all lengths of chunks, with and without hoisted parameters."""
-    graphs = {f"g{seed}": _graph(seed) for seed in range(3 if command == COMMAND else 1)}
-    ways = list(itertools.product((1, 7, 200), ((), (0, 4))))
+    graphs = {f"g{seed}": _graph(seed) for seed in range(2 if command == COMMAND else 1)}
+    ways = [(1, ()), (7, (0, 4)), (200, ()), (200, (0, 4))]
     sources = [
         emit(graph.function, f"{name}_{k}", parameters=parameters, chunk=chunk)
         for name, graph in graphs.items()

@@ -66,8 +66,8 @@ def obeys(run: Any, parts: list[Any], size: float) -> None:
         assert np.abs(over * current).max() <= 1e-8 * most * np.abs(run[diode.i]).max()
 
 
-SEEDS = [seed for seed in range(60) if seed not in (12, 13, 55, 56, 58)]
-"""In 12 nothing moves, in 56 three valves change at one instant, in 13 and 58 a diode's rate would act, which is refused; 55 goes on in steps of 1e-6."""
+SEEDS = [seed for seed in range(26) if seed not in (12, 13)]
+"""In 12 nothing moves, in 13 a diode's rate would act, which is refused."""
 
 
 @pytest.mark.parametrize("seed", SEEDS)
@@ -82,7 +82,7 @@ def test_valves_conduct_one_way_and_without_voltage_in_any_order_of_parts(seed: 
     assert runs[1] == pytest.approx(runs[0], abs=1e-7 * np.abs(runs[0]).max())
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", range(26))
 def test_valves_without_resistance_obey_or_are_refused(seed: int) -> None:
     """Sources and stores may drive current through them alone, which nothing limits."""
     scene, parts, T, V = drawn(seed, 0.0, None)
@@ -181,9 +181,14 @@ def test_rectifiers_of_resistors_alone(T: float, rtol: float) -> None:
         assert run.energy_error() < 1e-9
 
 
-@pytest.mark.parametrize("phases", [3, 5])
-@pytest.mark.parametrize("begins", [0.0, 0.7])
-@pytest.mark.parametrize(("leak", "resistance"), [*itertools.product([1e-3, 1e-5, 1e-6], [0.0, 1e-3, 1e-2])])
+BRIDGES = [
+    (phases, begins, leak, resistance)
+    for k, (leak, resistance) in enumerate(itertools.product([1e-3, 1e-5, 1e-6], [0.0, 1e-3, 1e-2]))
+    for phases, begins in ((3, 0.7 * (k % 2)), (5, 0.7 * (1 - k % 2)))[k % 3 == 0 :]
+]
+
+
+@pytest.mark.parametrize(("phases", "begins", "leak", "resistance"), BRIDGES)
 def test_bridges_of_many_phases_follow_the_largest_voltage(phases: int, begins: float, leak: float, resistance: float) -> None:
     """Nothing is stored. Where valves have a resistance two of them share the current for a short time, whose rate of change is large and known to few digits."""
     scene = ac.System()

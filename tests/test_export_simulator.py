@@ -143,7 +143,7 @@ def test_another_compiler_gives_the_same(tmp_path):
     """As libm of the two may differ, the same to rounding."""
     _, _, end, library = exported("four_bar")
     made = tmp_path / "library.so"
-    line = [sys.executable, "-m", "ziglang", "cc", *FLAGS, "-Wno-psabi", "-shared", "-o", str(made)]
+    line = [sys.executable, "-m", "ziglang", "cc", *FLAGS, "-O0", "-Wno-psabi", "-shared", "-o", str(made)]
     subprocess.run([*line, "simulator.c", "model.c", "runtime.c", "-lm"], cwd=library.path.parent, check=True)
     times = np.linspace(0, end, 40)
     other = Library.__new__(Library)

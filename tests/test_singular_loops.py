@@ -155,7 +155,7 @@ def test_forty_four_bars_pass_as_two_do():
     model = ac.build(scene)
     assert model.system.constraints.jacobian.shape == (80, 81)
     assert model.operations < 900 * count  # linear: the loops' factors stay sparse
-    run = model.simulate(10.0, {scene.feet[0].q: 0.0, scene.feet[0].v: -1.0}, rtol=1e-10, compiled=False, samples=50)
+    run = model.simulate(10.0, {scene.feet[0].q: 0.0, scene.feet[0].v: -1.0}, rtol=1e-10, samples=50)
     angle, rate = parallel_motion((1.0,) * (count + 1), (1.0,) * count, 1.0, 0.0, -1.0, 10.0)
     assert abs(run[scene.feet[0].q][-1] - angle) < 1e-9
     assert abs(run[scene.feet[0].v][-1] - rate) < 1e-8

