@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import acausal as ac
 from acausal.errors import SingularWarning
@@ -14,7 +15,7 @@ from acausal.language.mode_laws import ModeLaw
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
-from components import Contact, Coulomb, Hard, Particle, Plane, PointOnPlane, Revolute, RigidBody, Sphere, World
+from components import Contact, Coulomb, Hard, Particle, Plane, PointOnPlane, PrescribedMotion, Revolute, RigidBody, Sphere, World
 from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
 from tests.rough import Floor, Rub
 
@@ -265,6 +266,67 @@ def test_slide_in_a_plane_stops_where_friction_and_its_start_say(velocity: tuple
         np.column_stack([-v * speed / (slow * 0.5), by_start]), rel=1e-9, abs=1e-9
     )
     assert found[scene.particle.point.velocity][-1, :2] == pytest.approx(0.0, abs=1e-9)
+
+
+SHARE, SWAY, OFTEN, LATE = 0.4, 0.3, 3.0, 1.0
+
+
+def ball_on_a_shaken_table(mu: complex, turns: float, radius: float, start: np.ndarray) -> np.ndarray:
+    """Places and velocities of its centre at LATE (4,); start: these and the angular velocity (7,), mu with an infinitesimal part that is imaginary.
+
+    Slip by the logarithm of its size and its direction, in a time that goes as fast as it is large: it ends after infinitely much of that.
+    """
+
+    def table(t: complex, r: np.ndarray, v: np.ndarray) -> np.ndarray:
+        rate, grows = turns + SWAY * OFTEN * np.cos(OFTEN * t), -SWAY * OFTEN**2 * np.sin(OFTEN * t)
+        return np.array([-rate * v[1] - grows * r[1], rate * v[0] + grows * r[0]])
+
+    def slides(_: float, y: np.ndarray) -> np.ndarray:
+        t, log_size, angle, r, v = y[0], y[1], y[2], y[3:5], y[5:]
+        size, along, moved = np.exp(log_size), np.array([np.cos(angle), np.sin(angle)]), table(t, r, v)
+        slower = -(1 + 1 / SHARE) * mu * 9.81 - along @ moved
+        return np.array([size, slower, along[1] * moved[0] - along[0] * moved[1], *(size * v), *(-mu * 9.81 * size * along)])
+
+    def rolls(t: float, y: np.ndarray) -> np.ndarray:
+        return np.array([*y[2:], *(table(t, y[:2], y[2:]) / (1 + 1 / SHARE))])
+
+    x, y, u, v, w_x, w_y, _ = start
+    rate = turns + SWAY * OFTEN
+    slip = np.array([u - radius * w_y + rate * y, v + radius * w_x - rate * x])
+    first = np.array([0, np.log(np.linalg.norm(slip)), np.arctan2(slip[1], slip[0]), x, y, u, v], dtype=complex)
+    exact = {"method": "DOP853", "rtol": 1e-12, "atol": 1e-14}
+    t, _, _, *at = solve_ivp(slides, (0, 60 / mu.real), first, **exact).y[:, -1]
+    at = np.array(at) - 1j * t.imag * rolls(t.real, np.array(at))
+    return solve_ivp(rolls, (t.real, LATE), at, **exact).y[:, -1]
+
+
+@pytest.mark.parametrize(
+    ("mu", "turns", "radius", "start"),
+    [
+        (0.31, 1.7, 0.1, (0.01, -0.02, -0.61, -2.1, -1.19, -3.27, -4.07)),
+        (0.6, 1.4, 0.34, (0.42, 0.42, -1.21, -0.14, 4.05, -1.19, 0.57)),
+    ],
+)
+def test_ball_whose_slip_turns_until_it_ends_depends_on_its_friction_as_a_complex_step_says(
+    mu: float, turns: float, radius: float, start: tuple[float, ...]
+) -> None:
+    """On a turntable that sways. What is across the slip falls more slowly than that: how it changes is lost in rounding before the slip has ended."""
+    scene, at = ac.System(), np.array(start)
+    scene.friction = ac.Parameter(mu)
+    scene.world = World(gravity=(0, 0, -9.81))
+    scene.table = PrescribedMotion(angle=turns * ac.time + SWAY * np.sin(OFTEN * ac.time))
+    scene.ball = RigidBody(1.0, SHARE * radius**2 * np.eye(3))
+    scene.touch = Contact(Sphere(radius), Plane(), Hard(0.0, Coulomb(scene.friction)))
+    scene.connect(scene.world.frame, scene.table.frame_a)
+    scene.connect(scene.table.frame_b, scene.touch.frame_a)
+    scene.connect(scene.touch.frame_b, scene.ball.frame)
+    frame = scene.ball.frame
+    begin = {frame.position: (*at[:2], radius), frame.velocity: (*at[2:4], 0)}
+    begin |= {frame.rotation: np.eye(3), frame.angular_velocity: at[4:]}
+    moved = ball_on_a_shaken_table(mu + 1e-30j, turns, radius, at)
+    found = ac.build(scene).sensitivities([0.0, LATE], [scene.friction], begin, **EXACT)
+    place, speed = found[frame.position][-1, :2, 0], found[frame.velocity][-1, :2, 0]
+    assert np.concatenate([place, speed]) == pytest.approx(moved.imag / 1e-30, rel=1e-8, abs=1e-8)
 
 
 def test_string_that_goes_taut_passes_on_what_is_across_it() -> None:

@@ -868,7 +868,7 @@ static enum Code one_adaptive(Integrator *I) {
             failed = 1;
             continue;
         }
-        error = fmax(error, error_of_variations(I, S, h));
+        error = error_of_variations(I, S, h, error);
         if (!(error <= 1)) {
             shorten(I, S, h, error);
             continue;

@@ -240,17 +240,20 @@ static double error_of_variation(const Integrator *I, const Stages *S, double h,
     return worst;
 }
 
-/* The error of a step of all directions; beside singular positions, where their rates lose digits, and with few stages the motion alone is asked. */
-static double error_of_variations(Integrator *I, Stages *S, double h) {
+#define MAY_BE_NOISE 1e-6 /* of a tolerance: an error for which steps of the motion alone would not become shorter, and that may be rounding */
+
+/* The error of a step of all directions, and of the motion; beside singular positions, where their rates lose digits, and with few stages the motion alone is asked. What is
+   forgiven to rounding counts where steps are refused, and where they become shorter and shorter: rounding does not. */
+static double error_of_variations(Integrator *I, Stages *S, double h, double motion) {
     struct State *T = I->state;
     long n = I->nx;
-    double worst = 0;
-    if (!I->directions || S->s < 3 || S->around || S->exact) return 0;
+    double worst = motion;
+    if (!I->directions || S->s < 3 || S->around || S->exact) return motion;
     for (long b = 0; b < direction_blocks(I); b++) {
         V *noise = T->D_noise;
         for (long i = 0; i < n; i++) noise[i] = v_all(0.0);
         double error = error_of_variation(I, S, h, b, noise);
-        if (!(error <= 1)) {
+        if (!(error <= 1) || (h < T->last_h && error > fmax(motion, MAY_BE_NOISE))) {
             set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, b, 1);
             noise_of_variation(I, S, h, T->D + b * n, T->D_size + b * n, noise);
             for (long i = 0; i < n; i++) noise[i] *= v_all(FEW);
