@@ -329,6 +329,43 @@ def test_ball_whose_slip_turns_until_it_ends_depends_on_its_friction_as_a_comple
     assert np.concatenate([place, speed]) == pytest.approx(moved.imag / 1e-30, rel=1e-8, abs=1e-8)
 
 
+def ball_in_a_bowl(mu: complex, start: np.ndarray, end: float) -> np.ndarray:
+    """Place and velocity of its centre (6,), from these and its angular velocity (9,): on a sphere of radius 1 about the origin, on which it slides all the time."""
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        p, v, w = y[:3], y[3:6], y[6:]
+        n = -p / np.sqrt(p @ p)
+        slip = v - 0.1 * np.cross(w, n)
+        push = v @ v + 9.81 * n[2]  # of 1 kg, on a circle of radius 1
+        drag = -mu * push * slip / np.sqrt(slip @ slip)
+        return np.array([*v, *(push * n + drag - np.array([0, 0, 9.81])), *(-np.cross(n, drag) / (0.4 * 0.1))])
+
+    return solve_ivp(rate, (0, end), start.astype(complex), method="DOP853", rtol=1e-12, atol=1e-13).y[:6, -1]
+
+
+@pytest.mark.parametrize("turn", [0.3, -2.0])
+def test_ball_that_slides_round_a_bowl_depends_on_friction_as_a_complex_step_says_whatever_axes_its_slip_has(turn: float) -> None:
+    """Its slip is told in two axes across the normal, which jump where that leans as much as the bowl's axis is avoided."""
+    scene, mu, end = ac.System(), 0.1, 0.18
+    scene.friction = ac.Parameter(mu)
+    scene.world, scene.ball = World(gravity=(0, 0, -9.81)), RigidBody(1.0, 0.4 * 0.1**2 * np.eye(3))
+    scene.bowl = Contact(Sphere(0.1), Sphere(1.1, inside_out=True), Hard(0.0, Coulomb(scene.friction)))
+    scene.connect(scene.world.frame, scene.bowl.frame_a)
+    scene.connect(scene.bowl.frame_b, scene.ball.frame)
+    frame, model = scene.ball.frame, ac.build(scene)
+    c, s = np.cos(turn), np.sin(turn)
+    place, velocity, spin = (
+        np.array([0.8 * c, 0.8 * s, -0.6]),
+        np.array([6.0 * c - s, 6.0 * s + c, 8.0]),
+        np.array([5.0, -9.0, 40.0]),
+    )
+    start = {frame.position: place, frame.rotation: np.eye(3), frame.velocity: velocity, frame.angular_velocity: spin}
+    found = model.sensitivities([0.0, end], [scene.friction], start, **EXACT)
+    exact = ball_in_a_bowl(mu + 1e-30j, np.concatenate([place, velocity, spin]), end).imag / 1e-30
+    moved = np.concatenate([found[frame.position][-1, :, 0], found[frame.velocity][-1, :, 0]])
+    assert moved == pytest.approx(exact, rel=1e-8, abs=1e-8)
+
+
 def test_string_that_goes_taut_passes_on_what_is_across_it() -> None:
     scene = ac.System()
     scene.length = ac.Parameter(1.25, "m")
@@ -531,3 +568,10 @@ def test_impacts_on_a_floor_that_an_input_moves():
     found = ac.build(scene).sensitivities([0.0, end], [scene.mass.s, scene.mass.v], start, inputs={scene.course: course}, **EXACT)
     exact = [(at(s0 + h, v0) - at(s0 - h, v0)) / (2 * h), (at(s0, v0 + h) - at(s0, v0 - h)) / (2 * h)]
     np.testing.assert_allclose(np.ravel(found[scene.mass.s][-1]), exact, rtol=1e-7)
+
+
+def test_derivatives_that_fail_promise_no_motion() -> None:
+    scene = Ball(0.8)
+    with pytest.raises(ac.errors.SimulationError, match="max_steps") as failed:
+        ac.build(scene).sensitivities([0.0, 3.0], [scene.height], {scene.mass.s: 1.0, scene.mass.v: 0.0}, max_steps=2)
+    assert failed.value.trajectory is None and "trajectory" not in str(failed.value)

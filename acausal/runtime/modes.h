@@ -271,6 +271,23 @@ static long law_of_reaction(const Decision *D, long j) {
     return law;
 }
 
+/* Whether two rows of a friction in a plane have jumped as their axes have, which a comparison chooses, by a turn: what they do is the same in other axes. Not where a direction is held
+   in these. */
+static int has_other_axes(const Integrator *I, const Decision *D, long f) {
+    const struct State *T = I->state;
+    long i = row_of(D, f), n = D->n;
+    const double *was = T->near_knot + D->gaps + i, *is = D->rate + i, *J = T->near_knot + D->gaps + n, *mask = T->side + mask_of(I, f);
+    if (rows_of(D, f) != 2 || mask[2] == 1) return 0;
+    double square = was[0] * was[0] + was[1] * was[1], c = (was[0] * is[0] + was[1] * is[1]) / square, s = (was[1] * is[0] - was[0] * is[1]) / square;
+    if (!(fabs(c * c + s * s - 1) <= FITS)) return 0;
+    for (long k = 0; k < I->nx; k++) {
+        const double *a = J + k * n + i, *b = D->J + k * n + i;
+        double most = fmax(fabs(a[0]), fabs(a[1]));
+        if (!(fmax(fabs(b[0] - c * a[0] - s * a[1]), fabs(b[1] - c * a[1] + s * a[0])) <= sqrt(FITS) * most)) return 0;
+    }
+    return 1;
+}
+
 /* A switch has gone over: modes are decided anew where a gap, a rate or a direction has jumped by that; `before`: whether there was something to decide anyway. REACHED_END,
    or why not: derivatives do not go through it. */
 static enum Code look_after_switch(Integrator *I, int before) {
@@ -278,7 +295,10 @@ static enum Code look_after_switch(Integrator *I, int before) {
     Decision D = {.gaps = 0};
     long k = 0;
     if (reactions_of(I) && !decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
-    while (k < D.gaps + D.n && !has_jumped(I, &D, k)) k++;
+    for (; k < D.gaps + D.n; k++) {
+        long law = k < D.gaps ? k : law_of_reaction(&D, k - D.gaps);
+        if (has_jumped(I, &D, k) && !(I->directions && law >= D.gaps && has_other_axes(I, &D, law - D.gaps))) break;
+    }
     if (k == D.gaps + D.n) T->crossed = before || (D.n > 0 && !I->directions && has_turned(I, &D));
     else if (I->directions) {
         return not_derived(I, k < D.gaps ? k : law_of_reaction(&D, k - D.gaps), JUMPS);

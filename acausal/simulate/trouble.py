@@ -301,10 +301,8 @@ def failure(functions: Functions, status: Status, t1: float, run: Trajectory | N
             or _without_inertia(functions, run)
             or _out_of_reach(functions, run, t1)
         )
-    return (
-        f"{message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst} "
-        "The motion until then is in this error's `trajectory`."
-    )
+    kept = "" if run is None else " The motion until then is in this error's `trajectory`."
+    return f"{message} Integration stopped at t = {status.time:.6g} s of {t1:g} s ({status.kind.name.lower()}).{worst}{kept}"
 
 
 def _overlap(functions: Functions, run: Trajectory) -> str:
