@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import AccuracyWarning, StartValueError
-from components import Particle, Revolute, Rod, World
+from acausal.errors import AccuracyWarning, LockedError, StartValueError
+from components import Particle, Revolute, Rod, Spherical, Universal, World
 from components.bodies import RigidBody
 from tests.scenes import rotation
 from tests.test_near_fits import turned
@@ -141,6 +141,42 @@ def test_rods_that_are_one_too_many_all_along_are_told():
     for end in (0.15, 1.0, 10.0):
         with pytest.raises(StartValueError, match="and so are all those that it leads to"):
             model.simulate(end, {scene.plate.frame.velocity[k]: float(v[k]) for k in range(3)})
+
+
+def table(places: np.ndarray, joints: str, tilt: float, size: float) -> ac.System:
+    """A plate on equal parallel legs at these `places` (n, 3), massive ones on ball and universal joints ("US" from below) or rods without mass ("")."""
+    d, scene = np.array([np.sin(tilt), 0, np.cos(tilt)]) * size, ac.System()
+    scene.world = World((0, 0, G * size))
+    scene.plate = RigidBody(2.0, np.diag([0.2, 0.3, 0.4]) * size**2, (0.1 * size, 0, 0), position=tuple(d))
+    scene.legs = [RigidBody(0.1, 0.01 * size**2 * np.eye(3), tuple(d / 2)) if joints else Rod(size) for _ in places]
+    scene.joints = [Spherical() if joint == "S" else Universal("x", "y") for _ in places for joint in joints]
+    for k, (place, leg) in enumerate(zip(places * size, scene.legs, strict=True)):
+        ends = scene.joints[len(joints) * k : len(joints) * (k + 1)]
+        below, above = scene.world.at(tuple(place)), scene.plate.at(tuple(place))
+        foot, head = (leg.frame_a, leg.frame_b) if isinstance(leg, Rod) else (leg.frame, leg.at(tuple(d)))
+        for joint, (a, b) in zip(ends, ((below, foot), (head, above)), strict=False):
+            scene.connect(a, joint.frame_a)
+            scene.connect(joint.frame_b, b)
+        if not ends:
+            scene.connect(below, foot)
+            scene.connect(head, above)
+    return scene
+
+
+@pytest.mark.parametrize(
+    ("joints", "count", "tilt", "size"),
+    [("US", 4, 0.3, 1.0), ("SS", 4, 0.2, 1e-3), ("SU", 4, 0.3, 1e3), ("", 4, 0.1, 1.0), ("", 5, 0.25, 1e3), ("", 6, 0.3, 1e-3)],
+)
+def test_legs_that_are_one_too_many_are_told_at_rest_too(joints: str, count: int, tilt: float, size: float):
+    """Wren's platform: it shifts, and its turn about the legs is stopped to second order only, wherever it is. It is not locked."""
+    for seed in range(2):
+        rng = np.random.default_rng(seed)
+        angles = rng.uniform(0, 2 * np.pi, count)
+        places = [np.column_stack([0.3 + np.cos(angles), np.sin(angles), 0 * angles]), rng.uniform(-1, 1, (count, 3))][seed]
+        with pytest.raises((StartValueError, LockedError), match="second order only, by forces that nothing determines"):
+            ac.build(table(places, joints, tilt, size)).simulate(0.5)
+        if seed:
+            assert ac.build(table(places[:3], joints, tilt, size)).simulate(0.05).energy_error() < 1e-9
 
 
 def lift(height: float, length: float, legs: int = 2, storeys: int = 1, R: np.ndarray | None = None) -> ac.System:

@@ -16,9 +16,10 @@ from acausal.loops.descent import singular_values_down
 from acausal.loops.examined import Examined, Margin
 from acausal.loops.loop_groups import LoopGroup, loop_groups
 from acausal.loops.loops import LoopRows, loop_rows
-from acausal.loops.mobility import locked, nearly_fitting, shaky
+from acausal.loops.mobility import locked, nearly_fitting, shaky, stopped
 from acausal.loops.nearest_loops import distance_from_sketch
 from acausal.loops.redundancy import RankReport, independent_rows, needed_rows, undecided
+from acausal.loops.second_order import held_to_second_order
 from acausal.loops.singular import row_scale, singular_values_along
 from acausal.loops.sketch import sketch_configuration
 from acausal.loops.walk import Walk, WalkFunctions
@@ -284,11 +285,14 @@ def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
     at_rest = ca.substitute(group.velocity, group.v, ca.SX.zeros(group.v.numel()))
     timed = ca.depends_on(ca.vertcat(group.closing, group.velocity), t) or not at_rest.is_zero()
     between = undecided([walk.at(walk.polished(z))[2] for z in samples], rank.rank, walk.follows, walk.dependent)
+    stuck = len(samples) == 1 and rank.rank < group.v.numel() and not timed
+    scale = row_scale(jacobians)
+    if (between or stuck) and held_to_second_order(walk, start, scale):
+        raise stopped(group.loops)
     if between:
         raise nearly_fitting(group.loops, walk.rows(start), between)
-    if len(samples) == 1 and rank.rank < group.v.numel() and not timed:
+    if stuck:
         raise shaky(group.loops, group.v.numel(), rank.rank)
-    scale = row_scale(jacobians)
     trail = singular_values_along(walk, start, scale, rank.rank, rank.kept) if rank.rank else Trail()
     if 0 < rank.rank < group.v.numel() - 1 and not trail.singular:
         trail = trail.and_then(singular_values_down(walk, samples, scale, rank.rank, rank.kept))

@@ -15,6 +15,7 @@ import numpy as np
 from acausal.loops.crossing import Crossing, crossing_near
 from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.redundancy import RankReport
+from acausal.loops.second_order import held_to_second_order
 from acausal.loops.walk import Walk
 from acausal.numerics.independent import Independent
 from acausal.numerics.sizes import positive
@@ -138,6 +139,17 @@ class Examined:
             near = crossing_near(walk, q / walk.unit, self.scale, self.rank.kept, _NEXT)
             walk.time = before
         return None if near is None else near.missed(q / walk.unit, ahead / walk.unit)
+
+    def stopped(self, q: np.ndarray, time: float, values: np.ndarray) -> bool:
+        """Whether more is free at a configuration (nq,) with closed loops than can move, there and wherever it leads to."""
+        if self.walk is None or not self.singular:
+            return False
+        with self.lock:
+            walk = self._walk(values)
+            before, walk.time = walk.time, time
+            found = held_to_second_order(walk, q / walk.unit, self.scale)
+            walk.time = before
+        return found
 
     def margin(self, q: np.ndarray, time: float, values: np.ndarray) -> Margin:
         """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,); as it was found before."""

@@ -40,6 +40,15 @@ def shaky(loops: Sequence[LoopRows], freedoms: int, rank: int) -> LockedError:
     )
 
 
+def stopped(loops: Sequence[LoopRows]) -> LockedError:
+    """More is free to first order than can move, at the sketch and wherever it leads to."""
+    return LockedError(
+        f"The loops closed by {_joints(loops)} move, but more is free to first order than can move, wherever they are: what stops it, stops it to "
+        "second order only, by forces that nothing determines. Leave out what holds nothing that the others do not hold along this motion, a fourth "
+        "parallel rod for instance, or let a part that bends take its place."
+    )
+
+
 def nearly_redundant(loops: Sequence[LoopRows], A: np.ndarray) -> str:
     """A sentence on constraints that would follow from the others if dimensions were slightly different; empty if there are none."""
     names = [name for rows in loops for name in rows.names]

@@ -7,14 +7,12 @@ import numpy as np
 
 from acausal.collocation.problem import Problem
 from acausal.errors import StartValueError
-from acausal.integrators.passage import Passage, passage_of
+from acausal.integrators.passage import passage_of
 from acausal.outputs.functions import Functions
 
 _OFF = 1e-6
 _BENT, _NEAR = 1e-4, 30.0
 """What constraints without a slope may ask of accelerations, in units of velocities squared; the same for the slope that they have."""
-_BESIDE, _CLEAR = 0.03, 1e-6
-"""How far a motion is followed that may be singular throughout, and what its clearance is there at most."""
 _SHOWN = 6
 
 
@@ -27,16 +25,16 @@ def check_branch(functions: Functions, problem: Problem, t0: float, t1: float, x
     passage = passage_of(problem) if functions.outputs.system.constraints.singular else None
     if passage is None or not t1 > t0 or not passage.is_crossing(t0, x):
         return
-    found = passage.between(t0, x, t1 - t0)
     n, names = problem.positions, functions.state_names[problem.positions :]
     joints = ", ".join(f"'{rows.edge.name}'" for rows in functions.outputs.system.constraints.loops)
+    if _stops(functions, problem, t0, x):
+        raise StartValueError(
+            f"The start is a singular position of the loops closed by {joints}, and so are all those that it leads to: more is free there than "
+            "elsewhere, and what stops it, stops it to second order only, by forces that nothing determines. Leave out what holds nothing that the "
+            "others do not hold along this motion, a fourth parallel rod for instance, or start beside it."
+        )
+    found = passage.between(t0, x, t1 - t0)
     if found is None or not np.isfinite(found).all():
-        if _stays(functions, problem, passage, t0, x):
-            raise StartValueError(
-                f"The start is a singular position of the loops closed by {joints}, and so are all those that it leads to: more is free there than "
-                "elsewhere, and what stops it, stops it to second order only, by forces that nothing determines. Leave out what holds nothing that the "
-                "others do not hold along this motion, a fourth parallel rod for instance, or start beside it."
-            )
         if not _tears(functions, problem, t0, x):
             return
         largest = np.argsort(-np.abs(x[n:]), kind="stable")[:_SHOWN]
@@ -53,16 +51,11 @@ def check_branch(functions: Functions, problem: Problem, t0: float, t1: float, x
     )
 
 
-def _stays(functions: Functions, problem: Problem, passage: Passage, t: float, x: np.ndarray) -> bool:
-    """Whether positions to either side of a state x (nx,) at time t, a part of the loops' size away along its velocities, are singular too."""
-    rates = functions.outputs.system.constraints.rates
-    v = functions.space.expanded(t, x, problem.parameters)[functions.outputs.system.nq :][: rates.size]
-    speed = float(np.max(np.abs(v / rates), initial=0.0))
-    if not speed > 0:
-        return False
-    times, X = passage.points(t, x, _BESIDE / speed)
-    clear = passage.clearances(times, X)
-    return not bool(np.any(clear > _CLEAR))
+def _stops(functions: Functions, problem: Problem, t: float, x: np.ndarray) -> bool:
+    """Whether more is free of some loops in a state x (nx,) at time t than can move, and wherever they can move to."""
+    system = functions.outputs.system
+    q = functions.space.expanded(t, x, problem.parameters)[: system.nq]
+    return any(part.stopped(q[list(part.group.q_places)], t, problem.parameters) for part in system.constraints.examined)
 
 
 def _tears(functions: Functions, problem: Problem, t: float, x: np.ndarray) -> bool:
