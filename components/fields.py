@@ -93,9 +93,9 @@ def _of_place(potential: Callable[[ca.SX, ca.SX], Any], p: ca.SX) -> ca.SX:
         )
     try:
         found = formula(sx(potential(p, time.sx)), "PotentialField's potential")
-    except (TypeError, ValueError, ArithmeticError, NotImplementedError) as error:
+    except (TypeError, AttributeError, ValueError, ArithmeticError, NotImplementedError, RuntimeError) as error:
         raise ParameterError(
-            f"PotentialField's potential fails with CasADi's symbols ({origin()}): {error}. Use CasADi's functions: ca.sqrt, ca.exp, ca.if_else."
+            f"PotentialField's potential fails with CasADi's symbols ({origin()}): {str(error).rstrip('.')}. Use CasADi's functions: ca.sqrt, ca.exp, ca.if_else."
         ) from None
     if found.shape != (1, 1):
         raise ParameterError(

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import UnknownVariableError
+from acausal.errors import UnconnectedError, UnknownVariableError
 from components import (
     Contact,
     Coulomb,
@@ -77,6 +77,14 @@ class Drive(ac.System):
         self.rotor, self.gear = Inertia(0.1), Gear(3.0)
         self.connect(self.rotor.flange_b, self.gear.flange_a)
         self.connect(self.gear.flange_b, self.flange)
+
+
+class Between(ac.System):
+    """Connectors and nothing behind them."""
+
+    base = ac.Frame.port()
+    tip = ac.Frame.port()
+    axis = ac.Rotational.port()
 
 
 START = {"pair.near.hinge.q": 0.8, "pair.far.hinge.q": 0.5, "last.hinge.v": -2.0}
@@ -169,3 +177,21 @@ def test_what_is_not_known_at_a_connector_of_a_system_is_said() -> None:
     with pytest.raises(UnknownVariableError, match=r"last\.tip and last\.mark are one place"):
         run[scene.last.tip.force]
     assert run[scene.last.mark.position].shape == (501, 3)
+
+
+def test_parts_connected_to_where_nothing_is_inside_are_told_by_the_way() -> None:
+    """A motor on a shaft that its system does not connect, an arm behind a system without parts."""
+    arms = Arms()
+    arms.between, arms.lost = Between(), Arm()
+    arms.connect(arms.pair.tip, arms.between.base)
+    arms.connect(arms.between.tip, arms.lost.base)
+    driven = Arms()
+    driven.drive, driven.between = TorqueSource(1.0), Between()
+    driven.connect(driven.drive.flange, driven.between.axis)
+    ways = (
+        (arms, r"lost\.hinge\.frame_a .* no other part: at between\.tip, lost\.base nothing"),
+        (driven, r"at between\.axis nothing"),
+    )
+    for scene, words in ways:
+        with pytest.raises(UnconnectedError, match=words):
+            ac.build(scene)

@@ -241,7 +241,7 @@ def flatten(scene: System) -> FlatSystem:
     for connection in connections:
         _check_member(connection, connector_paths)
     sets = _connection_sets(connections, connector_paths)
-    _check_connected(sets, connector_paths)
+    _check_connected(sets, connections, connector_paths)
     discretes = tuple(symbol for symbol in names if isinstance(symbol, Discrete))
     return FlatSystem(
         type(scene).__name__,
@@ -337,10 +337,13 @@ def _connection_sets(connections: list[Connection], paths: dict[Connector, str])
     return tuple(sorted(leaf_sets, key=lambda members: order[members[0]]))
 
 
-def _check_connected(sets: tuple[tuple[Connector, ...], ...], paths: dict[Connector, str]) -> None:
+def _check_connected(sets: tuple[tuple[Connector, ...], ...], connections: list[Connection], paths: dict[Connector, str]) -> None:
     for group in sets:
         connector = group[0]
         if len(group) == 1 and connector.must_connect:
             owner = connector.owner
             line = f" ({owner.created_at})" if owner is not None else ""
-            raise UnconnectedError(f"{paths[connector]}{line} is connected to nothing. {connector.if_unconnected}".rstrip())
+            touched = next(part for part in Graph(paths, ((c.a, c.b) for c in connections)).parts() if connector in part)
+            ports = ", ".join(sorted(paths[end] for end in touched if end is not connector))
+            nothing = f"no other part: at {ports} nothing else is connected" if ports else "nothing"
+            raise UnconnectedError(f"{paths[connector]}{line} is connected to {nothing}. {connector.if_unconnected}".rstrip())

@@ -61,7 +61,7 @@ def chart(coordinates: Callable[[Any], Any], position: Scalar) -> Three:
     p = ca.vertcat(*_entries(position))
     try:
         found = formula(sx(coordinates(p)), "The chart")
-    except (TypeError, AttributeError, ValueError, ArithmeticError, NotImplementedError) as error:
+    except (TypeError, AttributeError, ValueError, ArithmeticError, NotImplementedError, RuntimeError) as error:
         raise ParameterError(
             f"The chart cannot be used ({origin()}): {str(error).rstrip('.')}. Give a function of a place p (3, 1) in CasADi's functions."
         ) from error

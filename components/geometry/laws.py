@@ -18,9 +18,9 @@ def place(what: str, law: Callable[..., Any], *arguments: ca.SX, rows: int = 3) 
         raise ParameterError(f"{what} is given by {law!r} ({origin()}). Give a function, e.g. lambda s: (s, 0, s**2).")
     try:
         found = formula(sx(law(*arguments)), what)
-    except (TypeError, ValueError, ArithmeticError, NotImplementedError, RuntimeError) as error:
+    except (TypeError, AttributeError, ValueError, ArithmeticError, NotImplementedError, RuntimeError) as error:
         raise ParameterError(
-            f"{what}: the function fails with CasADi's symbols ({origin()}): {error}. Use ca.sin, ca.sqrt, ca.if_else and the like."
+            f"{what}: the function fails with CasADi's symbols ({origin()}): {str(error).rstrip('.')}. Use ca.sin, ca.sqrt, ca.if_else and the like."
         ) from None
     if found.shape != (rows, 1):
         wanted = {1: "one number", 2: "two numbers: (r, z)", 3: "three numbers: (x, y, z)"}[rows]
