@@ -53,6 +53,18 @@ def mass_chain(count: int, mass: float, stiffness: float) -> ac.System:
     return scene
 
 
+@pytest.mark.parametrize("near", [1e-3, 1e-7])
+def test_states_may_hardly_differ_and_hardly_change(near: float):
+    """Sums that nearly are the other state, of which some stand next to a large constant."""
+    scene = mass_chain(2, 0.3, 50.0)
+    one, other = scene.masses
+    states = [one.s, 1e6 + one.s + near * other.s, one.v, one.v + near * other.v]
+    found = ac.build(scene).linearize(states=states)
+    T, K = np.kron(np.eye(2), [[1.0, 0.0], [1.0, near]]), 50.0 / 0.3 * np.array([[-2.0, 1.0], [1.0, -2.0]])
+    A = T @ np.block([[np.zeros((2, 2)), np.eye(2)], [K, np.zeros((2, 2))]]) @ np.linalg.inv(T)
+    assert np.max(np.abs(found.A - A)) < 1e-14 / near * np.max(np.abs(A))
+
+
 def test_a_chain_of_masses_has_the_frequencies_of_the_discrete_string():
     n, m, k = 12, 0.3, 50.0
     found = ac.build(mass_chain(n, m, k)).linearize()
