@@ -6,6 +6,7 @@ import warnings
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
 import acausal as ac
 from acausal.errors import AccuracyWarning, LockedError, StartValueError
@@ -165,7 +166,7 @@ def table(places: np.ndarray, joints: str, tilt: float, size: float) -> ac.Syste
 
 @pytest.mark.parametrize(
     ("joints", "count", "tilt", "size"),
-    [("US", 4, 0.3, 1.0), ("SS", 4, 0.2, 1e-3), ("SU", 4, 0.3, 1e3), ("", 4, 0.1, 1.0), ("", 5, 0.25, 1e3), ("", 6, 0.3, 1e-3)],
+    [("US", 4, 0.3, 1.0), ("SS", 4, 0.2, 1e-3), ("SU", 4, 0.3, 1e3), ("", 4, 0.1, 1.0), ("", 5, 0.3, 1e3), ("", 6, 0.3, 1e-3)],
 )
 def test_legs_that_are_one_too_many_are_told_at_rest_too(joints: str, count: int, tilt: float, size: float):
     """Wren's platform: it shifts, and its turn about the legs is stopped to second order only, wherever it is. It is not locked."""
@@ -177,6 +178,19 @@ def test_legs_that_are_one_too_many_are_told_at_rest_too(joints: str, count: int
             ac.build(table(places, joints, tilt, size)).simulate(0.5)
         if seed:
             assert ac.build(table(places[:3], joints, tilt, size)).simulate(0.05).energy_error() < 1e-9
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3])
+def test_plates_on_rods_begin_at_rest_whatever_their_size(size: float):
+    """They swing as a pendulum. A first try that rounding ends says nothing of singular positions, however little it would have moved the plate."""
+    rng = np.random.default_rng(1)
+    rng.uniform(0, 2 * np.pi, 5)
+    places = rng.uniform(-1, 1, (5, 3))[:3]
+    scene = table(places, "", 0.3, size)
+    run = ac.build(scene).simulate(0.5, rtol=1e-11, samples=11)
+    swing = solve_ivp(lambda t, y: (y[1], -G * np.sin(y[0])), (0, 0.5), [0.3, 0.0], t_eval=run.t, rtol=1e-12, atol=1e-14).y[0]
+    drawn = run[scene.plate.frame.position] / size
+    assert np.max(np.abs(drawn - np.column_stack([np.sin(swing), 0 * swing, np.cos(swing)]))) < 1e-10
 
 
 def lift(height: float, length: float, legs: int = 2, storeys: int = 1, R: np.ndarray | None = None) -> ac.System:

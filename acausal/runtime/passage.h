@@ -20,6 +20,7 @@
 #define AWAY 0.9 /* clearance of stages, or places between them, beyond which nothing is near */
 #define ROUNDS 4
 #define SHORTEST 1e-9 /* part of the size of a mechanism that it moves by in a step next to a singular position */
+#define STILL 1e-5 /* of that, rounding at most */
 #define BRANCHES 0.01 /* part of the distance from a singular position that an error may be: another branch is as close */
 #define LENGTHS 1e-13 /* what rounding of lengths makes of velocities at most, times the square of the distance: 8 roundings of some 50 terms */
 #define CLOSER 8 /* times as close, the next distance that rates may be continued from */
@@ -491,13 +492,17 @@ static int skips(Integrator *I, const Stages *S, double from, double to, double 
     return closest < SEEN * least && !through;
 }
 
-/* Whether tries of steps have become so short, beside what the velocities are, that no distance from a singular position explains it which the states'
-   digits tell from none. */
-static int is_lost(const Integrator *I, const Stages *S, double h) {
-    double speed = 0;
-    if (!S->exact || I->through != PERHAPS) return 0;
-    for (long i = I->positions; i < I->nx; i++) speed += I->x[i] * I->usual[i] * I->x[i] * I->usual[i];
-    return h * sqrt(speed) < SHORTEST;
+/* Whether tries of steps have become so short, beside what the velocities are or become, that no distance from a singular position explains it which
+   the states' digits tell from none. What stands still but for rounding comes near to none. */
+static int is_lost(Integrator *I, const Stages *S, double h) {
+    double *rate = I->state->rate, speed = 0;
+    if (!S->exact || I->through != PERHAPS || !rate_at(I, I->t, I->x, rate)) return 0;
+    for (long i = I->positions; i < I->nx; i++) {
+        double most = fmax(fabs(I->x[i]), fabs(h * rate[i])) * I->usual[i];
+        speed += most * most;
+    }
+    double moved = h * sqrt(speed);
+    return moved < SHORTEST && moved > STILL * SHORTEST;
 }
 
 /* Whether the polynomial of a step comes much closer to a singular position than the stages around do; not beside stage `straight`. */
