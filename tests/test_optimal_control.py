@@ -27,6 +27,7 @@ from components import (
     Fixed,
     ForceSource,
     Particle,
+    PositionSource,
     Prismatic,
     Revolute,
     RigidBody,
@@ -38,6 +39,7 @@ from components import (
     TranslationalDamper,
     TranslationalGround,
     TranslationalSpring,
+    VelocitySource,
     World,
 )
 from tests.scenes import FourBar
@@ -611,9 +613,9 @@ def test_bounds_are_named_by_what_stands_in_them() -> None:
     ocp = ac.OptimalControl(ac.build(scene), 1.0)
     ocp.start({scene.rail.q: 0.3})
     ocp.bound(scene.force, 1, 2)
-    ocp.bound(2 * scene.force, -2, -1)
+    ocp.bound(scene.force + scene.rail.v, -2, -1)
     ocp.minimise(ac.integral(scene.force**2))
-    with pytest.raises(OptimalControlError, match=r"could not be met: .*\(2\.\*force\)"):
+    with pytest.raises(OptimalControlError, match=r"could not be met: .*\(force\+rail\.v\)"):
         ocp.solve(6)
 
 
@@ -925,6 +927,7 @@ def test_a_periodic_motion_ends_as_it_began() -> None:
         (lambda s, m: ac.OptimalControl(m, 0.0), "must be positive"),
         (lambda s, m: ac.OptimalControl(m, ac.free(2, 1)), "lower bound must be below"),
         (lambda s, m: ac.OptimalControl(m, 1.0).bound(s.force, 3, -3), "which cross"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).bound(s.body.point.position, (0, 0, 0), (1, 1)), "position: .* does not fit"),
         (lambda s, m: ac.OptimalControl(m, 1.0).minimise(s.force**2), "ac.integral"),
         (lambda s, m: ac.OptimalControl(m, ac.free(cast(Any, "a"), 1)), "give numbers, ac.free"),
         (lambda s, m: ac.integral(cast(Any, "force")), r"integral: 'force' is no expression\. Write it .* ac\.integral\(scene"),
@@ -973,7 +976,21 @@ def test_problems_that_make_no_sense_are_refused_in_words(ask: Callable[[Any, An
         (lambda o, s: o.end({s.unused: 0.1}), OptionError, "unused is 0.5 however the scene moves"),
         (lambda o, s: o.end({s.rail.q: np.inf}), OptionError, "numbers in order"),
         (lambda o, s: o.at(0.0, {s.force: 0.0}), OptionError, "At the start only positions"),
-        (lambda o, s: o.end({2 * s.rail.q: 3.0}), OptimalControlError, "contradicts itself: .* is 2 and not 3"),
+        (lambda o, s: o.end({2 * s.rail.q: 3.0}), OptionError, r"rail\.q\) is to be 3 at the end, and rail\.q 1, too"),
+        (lambda o, s: o.end({s.rail.q: 2.0}), OptionError, "rail.q is to be 2 at the end, and 1, too, which cannot both be"),
+        (lambda o, s: o.end({s.rail.q: (0.2, 0.5)}), OptionError, "rail.q is to be between 0.2 and 0.5 at the end, and 1, too"),
+        (lambda o, s: o.at(0.0, {s.rail.q: 0.3}), OptionError, "rail.q is to be 0 at the start, and 0.3, too"),
+        (
+            lambda o, s: o.end({s.body.point.position: (2, 0, 0)}),
+            OptionError,
+            r"position\[0\] is to be 2 at the end, and rail.q 1, too",
+        ),
+        (
+            lambda o, s: o.bound(1e3 * s.rail.q - 5.0, upper=500.0),
+            OptionError,
+            r"rail.q is to be 1 at the end, but .*rail.q.* is bounded to at most 500 all the time, which cannot both be",
+        ),
+        (lambda o, s: o.end({s.rail.q**3: 8.0}), OptimalControlError, "contradicts itself: .* is 1 and not 8"),
         (
             lambda o, s: o.minimise(ac.integral(s.force**2 * float("nan"))),
             OptimalControlError,
@@ -981,7 +998,7 @@ def test_problems_that_make_no_sense_are_refused_in_words(ask: Callable[[Any, An
         ),
         (lambda o, s: o.bound(s.rail.v, upper=0.5), OptimalControlError, r"could not be met: .*rail\.q"),
         (lambda o, s: o.minimise(-ac.integral(s.force**2)), OptimalControlError, "no least value|too many"),
-        (lambda o, s: o.periodic(), OptimalControlError, "as at the start: rail.q"),
+        (lambda o, s: o.periodic(), OptionError, r"rail.q \(as at the start\) is to be 0 at the end, and rail.q 1, too"),
         (lambda o, s: o.minimise(ac.integral(np.abs(s.force))), OptimalControlError, r"what is minimised \(an absolute value\)"),
         (lambda o, s: o.bound(s.force, -1, 1), OptimalControlError, "rail.q .*At its limits came: force"),
         (
@@ -1019,6 +1036,49 @@ def test_numbers_and_sums_of_costs_are_costs() -> None:
     ocp = rest_to_rest(ac.build(scene), scene, 2.0)
     ocp.minimise(3 - (2 - sum([ac.integral(scene.force**2), ac.at_end(2 * scene.rail.q), 1.5])))
     assert ocp.solve(4).cost == pytest.approx(3 - 2 + 12 / 2**3 + 2 + 1.5, rel=1e-8)
+
+
+@pytest.mark.parametrize("more", [0.0, 5.0, -2.0])
+def test_what_is_the_same_for_all_motions_counts_in_costs_and_bounds(more: float) -> None:
+    """A number, and a parameter that is known, beside the effort 12 / T^3 from rest to rest, and 3 (x - v T + v^2 T^2 / 3) / T^3 times 4 to a speed v at the end."""
+    scene = Sledge()
+    scene.price = ac.Parameter(1.0)
+    model = ac.build(scene)
+    ocp = rest_to_rest(model, scene, 2.0)
+    ocp.minimise(ac.integral(scene.force**2) + ac.at_end(scene.price) + more)
+    best = ocp.solve(4)
+    assert best.cost == pytest.approx(1.5 + 1 + more, rel=1e-9) == best.true_cost
+    assert best.cost_error < 1e-9
+    slow = ac.OptimalControl(model, 2.0, parameters={scene.price: more})
+    slow.start({scene.rail.q: 0})
+    slow.end({scene.rail.q: 1})
+    slow.minimise(ac.integral(scene.force**2))
+    slow.bound(ac.integral(scene.force) + ac.at_end(scene.price), upper=0.4 + more)
+    assert slow.solve(4).cost == pytest.approx(4 * 3 * (1 - 0.4 * 2 + 0.4**2 * 2**2 / 3) / 2**3, rel=1e-6)
+
+
+def test_an_input_that_moves_nothing_may_be_given() -> None:
+    scene = Sledge()
+    scene.idle = ac.Input("N")
+    model = ac.build(scene)
+    ocp = ac.OptimalControl(model, 1.0, inputs={scene.idle: 0.3})
+    ocp.start({scene.rail.q: 0})
+    ocp.end({scene.rail.q: 1, scene.rail.v: 0})
+    ocp.minimise(ac.integral(scene.force**2))
+    assert ocp.solve(4).cost == pytest.approx(12.0, rel=1e-9)
+
+
+@pytest.mark.parametrize(("source", "unit"), [(PositionSource, "m"), (VelocitySource, "m/s")])
+def test_places_that_inputs_prescribe_are_refused_by_name(source: Any, unit: str) -> None:
+    """Their rates move the scene, too, and are no inputs to be found beside them. Accelerations are found."""
+    scene: Any = ac.System()
+    scene.place, scene.world, scene.rail, scene.body = ac.Input(unit), World(), Prismatic("x"), Particle(1.0)
+    scene.source = source(scene.place)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.body.point)
+    scene.connect(scene.source.flange, scene.rail.flange)
+    with pytest.raises(OptionError, match=r"the input place prescribes a place.*AccelerationSource"):
+        ac.OptimalControl(ac.build(scene), 1.0)
 
 
 def test_an_integral_is_bounded() -> None:
@@ -1500,3 +1560,17 @@ def test_a_start_beside_its_bounds_is_refused_by_name_where_something_of_it_is_f
     numbers = re.sub(r"-?\d+(\.\d+)?", lambda number: f"{unit * float(number[0]):g}", words)
     with pytest.raises(OptionError, match=re.escape(numbers)):
         ocp.solve(5)
+
+
+@pytest.mark.parametrize(("mass", "time"), [(1e6, 1e-3), (3e-7, 2e4), (1.0, 1e-7)])
+def test_forces_of_any_size_are_found(mass: float, time: float) -> None:
+    """From rest to rest over 1 m: 12 m^2 / T^3, where nothing says how much a force is."""
+    scene: Any = ac.System()
+    scene.force, scene.world, scene.rail, scene.body = ac.Input("N"), World(), Prismatic("x"), Particle(mass)
+    scene.motor = ForceSource(scene.force)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.body.point)
+    scene.connect(scene.motor.flange, scene.rail.flange)
+    ocp = rest_to_rest(ac.build(scene), scene, time)
+    ocp.minimise(ac.integral(scene.force**2))
+    assert ocp.solve(5).cost == pytest.approx(12 * mass**2 / time**3, rel=1e-9)

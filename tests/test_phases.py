@@ -224,3 +224,85 @@ def test_phases_that_make_no_sense_are_refused_in_words(ask: Any, words: str) ->
     scene = Hopper()
     with pytest.raises(OptionError, match=words):
         ask(scene, ac.build(scene))
+
+
+def test_a_phase_that_begins_where_the_one_before_cannot_end_is_refused() -> None:
+    """All states of the second are given, as is where the first ends: nothing is left to find, and the two do not meet."""
+    scene = Block()
+    model = ac.build(scene)
+    first, second = (ac.OptimalControl(model, 1.0, modes={scene.ground: "slides +"}) for _ in range(2))
+    first.start({scene.x.q: 0.0, scene.z.q: 0.0, scene.x.v: 1.0})
+    first.end({scene.x.q: 1.2, scene.x.v: 0.5})
+    second.start({scene.x.q: 3.0, scene.z.q: 0.0, scene.x.v: 0.5})
+    for phase in (first, second):
+        phase.minimise(ac.integral(scene.force**2))
+    with pytest.raises(OptimalControlError, match=r"x.q goes on: it is 1.2 where phase 1 ends, and 3 where phase 2 begins"):
+        ac.phases(first, second).solve(3)
+
+
+class Barge(ac.System):
+    """What is aboard is a parameter, driven by a force."""
+
+    def __init__(self) -> None:
+        self.force, self.mass = ac.Input("N"), ac.Parameter(2.0, "kg")
+        self.world, self.x, self.body, self.motor = World(), Prismatic("x"), Particle(self.mass), ForceSource(self.force)
+        self.connect(self.world.frame, self.x.frame_a)
+        self.connect(self.x.frame_b, self.body.point)
+        self.connect(self.motor.flange, self.x.flange)
+
+
+@pytest.mark.parametrize(("force", "masses"), [(2.0, (3.0, 0.25)), (5e-3, (1e-3, 4.0))])
+def test_phases_may_have_other_parameters_and_are_replayed_by_them(force: float, masses: tuple[float, float]) -> None:
+    """One metre with all aboard, then two with the rest, from rest to rest in least time."""
+    scene = Barge()
+    model = ac.build(scene)
+    loaded, light = (ac.OptimalControl(model, ac.free(0.1, 1000), parameters={scene.mass: mass}) for mass in masses)
+    loaded.start({scene.x.q: 0})
+    loaded.end({scene.x.q: 1.0})
+    light.end({scene.x.q: 3.0, scene.x.v: 0})
+    for phase in (loaded, light):
+        phase.bound(scene.force, -force, force)
+        phase.minimise(phase.duration)
+    best = ac.phases(loaded, light).solve(6)
+    a, b = force / masses[0], force / masses[1]
+    # speeds: v after the first metre, where the switch may be in it, w where the force turns
+    if 2 * a <= 4 * b:
+        v, w = np.sqrt(2 * a), np.sqrt((2 * a + 4 * b) / 2)
+        exact = v / a + (w - v) / b + w / b
+    else:
+        v = np.sqrt(4 * b)
+        w = np.sqrt((2 * a + v**2) / 2)
+        exact = w / a + (w - v) / a + v / b
+    assert best.duration == pytest.approx(exact, rel=1e-6)
+    assert best.replay_error < 1e-6
+    with pytest.raises(OptionError, match="different models or parameters"):
+        _ = best.run
+
+
+def test_a_parameter_that_phases_find_has_one_value() -> None:
+    """The effort is A m^2, and 3 / m^2 is paid: 2 sqrt(3 A)."""
+    scene = Barge()
+    model = ac.build(scene)
+
+    def asked(mass: float | None) -> tuple[ac.OptimalControl, ac.OptimalControl]:
+        given = None if mass is None else {scene.mass: mass}
+        first, second = (ac.OptimalControl(model, time, parameters=given) for time in (1.0, 2.0))
+        first.start({scene.x.q: 0})
+        first.end({scene.x.q: 1.0})
+        second.end({scene.x.q: 2.0, scene.x.v: 0})
+        first.minimise(ac.integral(scene.force**2))
+        second.minimise(ac.integral(scene.force**2) + 3 * ac.at_end(scene.mass**-2))
+        return first, second
+
+    first, second = asked(None)
+    first.optimise(scene.mass, 0.5, 5)
+    with pytest.raises(OptionError, match="mass is found in phase 1, and phase 2 of the same model says nothing of it"):
+        ac.phases(first, second).solve(4)
+    second.optimise(scene.mass, 0.4, 6)
+    best = ac.phases(first, second).solve(4)
+    A = ac.phases(*asked(1.0)).solve(4).cost - 3
+    # to x = 1 with the speed v: 4 (3 - 3 v + v^2); from there to rest: 4 (3 - 3 (2 v) + (2 v)^2) / 2^3; together least at v = 1.25
+    assert pytest.approx(4.125, rel=1e-9) == A
+    assert best.cost == pytest.approx(2 * np.sqrt(3 * A), rel=1e-9)
+    assert best[0].parameters == pytest.approx(best[1].parameters)
+    assert best.replay_error < 1e-9

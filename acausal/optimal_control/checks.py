@@ -8,7 +8,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import OptionError
-from acausal.optimal_control.asked import GIVEN, ROOM, Asked, Limits, when
+from acausal.optimal_control.asked import GIVEN, Asked, Limits, when
+from acausal.optimal_control.contradictions import check_together
 from acausal.optimal_control.guess import Guess, closed
 
 
@@ -40,14 +41,16 @@ def check_given(asked: Asked, given: Sequence[Limits], units: np.ndarray, first:
 
 def _check_effect(asked: Asked, name: Callable[[object], str]) -> None:
     stage = asked.stage
-    said = [limits.value for limits in (*asked.path, *(own for _, own in asked.here))]
+    limited = [limits.value for limits in (*asked.path, *(own for _, own in asked.here))]
     moved = ca.veccat(stage.put(stage.rates), stage.put(stage.balance), stage.put(stage.invariants[0]))
     sums = (asked.cost, *(total for total, *_ in asked.totals))
     paid = ca.veccat(*(part for one in sums for part in (one.integrals, one.averages, one.starts, one.ends)))
     moving = {s.element_hash() for s in ca.symvar(moved)}
-    used = moving | {s.element_hash() for s in ca.symvar(stage.put(ca.veccat(paid, *said)))}
-    for entry in stage.mode.inputs:
-        if entry.sx.element_hash() not in moving:
+    used = moving | {s.element_hash() for s in ca.symvar(stage.put(ca.veccat(paid, *limited)))}
+    given = {k for k, limits, r in asked.entries if limits.lower[r] == limits.upper[r]}
+    first = stage.width - stage.sizes[3]
+    for k, entry in enumerate(stage.mode.inputs):
+        if entry.sx.element_hash() not in moving and first + k not in given:
             raise OptionError(
                 f"The input {name(entry)} has no effect on the motion. Connect what it drives, or give it a value: OptimalControl(..., inputs={{{name(entry)}: 0}})."
             )
@@ -71,26 +74,10 @@ def _check_what_stands(asked: Asked) -> None:
 
 def _check_bounds(asked: Asked, first: Guess) -> None:
     """Values that are given and bounds on the same thing; bounds of what is known at the start."""
-    given = asked.here
-    for k, limits in enumerate(asked.path):
-        for at, own in (*((None, other) for other in asked.path[:k]), *given):
-            _check_pair(limits, own, at)
-        if asked.start is not None and np.isfinite(asked.start).all():
+    check_together(asked)
+    if asked.start is not None and np.isfinite(asked.start).all():
+        for limits in asked.path:
             _check_start(asked, limits, first)
-
-
-def _check_pair(limits: Limits, own: Limits, at: float | None) -> None:
-    known = {limits.value[r].element_hash(): r for r in range(limits.value.numel())}
-    for e in range(len(own.said) if own.name == GIVEN else own.value.numel()):  # what else stands there are guesses
-        r = known.get(own.value[e].element_hash())
-        if r is None:
-            continue
-        said = (own.lower[e], own.upper[e], limits.lower[r], limits.upper[r])
-        room = ROOM * max((abs(v) for v in said if np.isfinite(v)), default=0.0)
-        if own.lower[e] > limits.upper[r] + room or own.upper[e] < limits.lower[r] - room:
-            raise OptionError(
-                f"{own.entry(e)} is to be {own.range(e)} {when(at)}, but is bounded to {limits.range(r)} all the time. Move one of them."
-            )
 
 
 def _check_start(asked: Asked, limits: Limits, first: Guess) -> None:

@@ -18,6 +18,8 @@ _HELD = 1e-3
 """How easily coordinates move that are told how to."""
 _CLOSINGS = 20
 """Newton steps for each point of the path, at most."""
+_EASILY = 3.0
+"""How much more multipliers and inputs do than accelerations change, where one moves the scene as the other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,17 +175,34 @@ def _moving(
 
 
 def _driven(stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, free: np.ndarray, units: np.ndarray) -> np.ndarray:
-    """(n, width): accelerations near those of the path, and the least inputs that meet the equations of motion."""
+    """(n, width): accelerations near those of the path, and the least inputs that meet the equations of motion; those whose unit is 0 are measured by what inertia resists."""
     nx, nv, _, _ = stage.sizes
     nq = stage.functions.space.nq
     values = np.column_stack([x, np.zeros((len(x), stage.width - nx))])
     values[:, nx : nx + nv] = np.gradient(x[:, nq : nq + nv], times * duration, axis=0) if len(x) > 1 else 0.0
-    size = units[nx:]
-    for k in range(len(x)):
-        gap, slope = (np.array(part) for part in stage.driving(np.concatenate([values[k], [duration], free]), [times[k], 0.0]))
-        if np.all(np.isfinite(slope)) and np.all(np.isfinite(gap)):
-            values[k, nx:] -= size * np.linalg.lstsq(slope * size, gap[:, 0], rcond=1e-12)[0]
+    told = [stage.driving(np.concatenate([z, [duration], free]), [at, 0.0]) for z, at in zip(values, times, strict=True)]
+    gaps, slopes = (np.array([np.array(part) for part in parts]) for parts in zip(*told, strict=True))
+    known = np.isfinite(slopes).all(axis=(1, 2)) & np.isfinite(gaps).all(axis=(1, 2))
+    size = units[nx:].copy()
+    pushes = _resisted(np.abs(slopes[known]), size[:nv])
+    size[nv:] = np.where(size[nv:] > 0, size[nv:], _EASILY * pushes)
+    for k in np.flatnonzero(known):
+        own = slopes[k] * size
+        row = np.max(np.abs(own), axis=1, initial=0.0)
+        row = np.where(row > 0, row, 1.0)
+        values[k, nx:] -= size * np.linalg.lstsq(own / row[:, None], gaps[k, :, 0] / row, rcond=1e-12)[0]
     return values
+
+
+def _resisted(slopes: np.ndarray, accelerations: np.ndarray) -> np.ndarray:
+    """(m - nv,): how much of each multiplier and input does what these `accelerations` (nv,) change, by absolute slopes (n, rows, m) of equations of motion at some points; 1 where none does
+    anything.
+    """
+    nv, largest = accelerations.size, np.max(slopes, axis=0, initial=0.0)
+    inertia = np.max(largest[:, :nv] * accelerations, axis=1, initial=0.0)
+    moving = inertia > 0
+    acting = np.max(largest[moving, nv:] / inertia[moving, None], axis=0, initial=0.0)
+    return np.where(acting > 0, 1 / np.where(acting > 0, acting, 1.0), 1.0)
 
 
 def run_guess(stage: Stage, run: Trajectory, geometry: np.ndarray, times: np.ndarray) -> Guess:

@@ -89,7 +89,7 @@ def is_unknown(stage: Stage, value: ca.SX) -> bool:
 def column_at(layout: Layout, k: int, value: ca.SX, number: list[int], weights: float = 1.0) -> Term:
     """A column of values at the node k, of the unknowns that stand in it."""
     stage = layout.stage
-    used = stage.used([value])
+    used = stage.used([value]) or [stage.width]  # a number is one of the duration, too
     if np.any(layout.node(k)[used] < 0):
         raise OptionError(
             "At the start only positions, velocities and other states are known: forces, accelerations and inputs begin just after it. "

@@ -9,6 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.numerics.folding import folded_function
+from acausal.optimal_control.asked import ROOM
 from acausal.optimal_control.mode import PhaseMode
 from acausal.optimal_control.separable import Program, Term
 from acausal.optimal_control.stage import Stage, independent_rows
@@ -162,6 +163,38 @@ def linked(program: Program, link: Link, parts: Sequence[Transcribed], begins: S
     return _with_rows(program, ends, rows, impulses, idle)
 
 
+def torn(link: Link, parts: Sequence[Transcribed], found: Sequence[np.ndarray]) -> list[str]:
+    """What does not go on in motions that were found, by the unknowns of the programs of all phases, in words: rows that were left out since they follow from others are among it. Velocities that an
+    impact changes are not.
+    """
+    old, new = parts[link.before], parts[link.after]
+    states = old.asked.stage.functions.space.x
+    ends, begins = old.motion(found[link.before]), new.motion(found[link.after])
+    nx = new.asked.stage.sizes[0]
+    before = np.concatenate([ends.values[-1], [ends.duration], ends.free])
+    after = np.concatenate([begins.values[0, :nx], np.zeros(new.asked.stage.width - nx), [begins.duration], begins.free])
+    changed = ca.SX() if link.impact is None else states[old.asked.stage.functions.space.nq :, :]
+    said = list[str]()
+    for mine, its, name in link.values if link.values is not None else _unchanged(old, new, link.drift):
+        if changed.numel() and ca.depends_on(its, changed):
+            continue
+        first, first_slopes = _valued(old, its, before, 1.0)
+        second, second_slopes = _valued(new, mine, after, 0.0)
+        much = np.maximum(first_slopes @ old.units[: first_slopes.shape[1]], second_slopes @ new.units[:nx])
+        room = ROOM * np.maximum(much, np.maximum(np.abs(first), np.abs(second)))
+        said += [
+            f"{name}: it is {first[r]:.6g} where phase {link.before + 1} ends, and {second[r]:.6g} where phase {link.after + 1} begins"
+            for r in np.flatnonzero(np.abs(first - second) > 10 * room)
+        ]
+    return said
+
+
+def _valued(part: Transcribed, column: ca.SX, z: np.ndarray, at: float) -> tuple[np.ndarray, np.ndarray]:
+    """A column at a point, and its absolute slopes by states."""
+    value, slopes = part.asked.stage.slopes(part.asked.stage.put(column))(z, [at, 0.0])
+    return np.array(value).ravel(), np.abs(np.array(slopes)).reshape(column.numel(), -1)
+
+
 def _entries(values: Sequence[tuple[ca.SX, ca.SX, str]]) -> list[tuple[ca.SX, ca.SX, str]]:
     return [(mine[r], its[r], name) for mine, its, name in values for r in range(mine.numel())]
 
@@ -255,7 +288,9 @@ _RANK = 1e-9
 def _with_rows(
     program: Program, ends: _Ends, rows: Sequence[tuple[ca.SX, float, str]], impulses: np.ndarray, idle: np.ndarray
 ) -> tuple[Program, list[str]]:
-    column = ca.densify(ca.vertcat(*(value for value, _, _ in rows)))
+    if not rows and not impulses.size:
+        return program, []
+    column = ca.densify(ca.vertcat(ca.SX(0, 1), *(value for value, _, _ in rows)))
     inside = {s.element_hash() for s in ca.symvar(column)}
     used = np.array([k for k in range(ends.symbols.numel()) if ends.symbols[k].element_hash() in inside], dtype=int)
     size = float(np.max(np.abs(impulses), initial=0.0)) or 1.0

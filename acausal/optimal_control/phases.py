@@ -41,7 +41,7 @@ class _Said:
 class Phases:
     """Problems of optimal control one after the other, in this order; made by `ac.phases`. Their costs are added.
 
-    Each phase has its own time, bounds, and cost, and begins where the one before ends. With phases of one model all states go on; where something closes
+    Each phase has its own time, bounds, and cost, and begins where the one before ends. A parameter that several phases `optimise` has one value in all of them. With phases of one model all states go on; where something closes
     that was open it strikes, and impulses of all that holds then change the velocities. All else is said by `link`.
 
         stance = ac.OptimalControl(model, ac.free(0.1, 1), modes={s.foot: "closed"})
@@ -97,6 +97,7 @@ class Phases:
         count = list(intervals) if isinstance(intervals, Sequence) else [intervals] * len(self._problems)
         if len(count) != len(self._problems):
             raise OptionError(f"solve: {len(count)} numbers of intervals for {len(self._problems)} phases.")
+        self._check_parameters()
         parts: list[Part] = []
         links: list[Link] = []
         for k, problem in enumerate(self._problems):
@@ -106,6 +107,20 @@ class Phases:
             links.append(self._link(i, j, said, parts))
         found = best_of(parts, links, solver, dict(options or {}), tolerance, refinements)
         return PhasesOptimum(found.phases, found.cost, found.iterations, found.seconds)
+
+    def _check_parameters(self) -> None:
+        """Raises `OptionError` where a parameter is found in one phase, and nothing is said of it in another one of the same model."""
+        for k, one in enumerate(self._problems):
+            for j, other in enumerate(self._problems):
+                silent = (
+                    [p for p in one.found if p not in other.found and p not in other.given] if other.model is one.model else []
+                )
+                if silent:
+                    name = one.name(silent[0])
+                    raise OptionError(
+                        f"phases: {name} is found in phase {k + 1}, and phase {j + 1} of the same model says nothing of it. Let it be found there, too, then it has one value: optimise({name}, ...); "
+                        f"or say what it is there: OptimalControl(..., parameters={{{name}: ...}})."
+                    )
 
     def _begin(self, before: Part, k: int) -> dict[Expression, Any]:
         """Start values near which a phase begins: what the guess of the one before ends with."""
@@ -167,9 +182,8 @@ def _known(problem: OptimalControl, value: Any) -> Any:
 class PhasesOptimum:
     """The best motions of all `phases`, each an `Optimum`; their `cost` together, and how they were found.
 
-    `run`: where all phases have one model, the motion that `simulate` makes of the inputs from the first start to the last end, deciding by itself what opens,
-    sticks and strikes; `replay_error`: by how much it is off at the nodes, relative to what each state varies by. Phases of different models are
-    replayed one by one.
+    `run`: where all phases have one model with the same parameters, the motion that `simulate` makes of the inputs from the first start to the last end, deciding by itself what opens,
+    sticks and strikes; `replay_error`: by how much it is off at the nodes, relative to what each state varies by. Other phases are replayed one by one.
     """
 
     phases: tuple[Optimum, ...]
@@ -206,13 +220,16 @@ class PhasesOptimum:
 
     @property
     def _one_model(self) -> bool:
-        return all(one.model is self.phases[0].model for one in self.phases)
+        first = self.phases[0]
+        return all(one.model is first.model and one.parameters == first.parameters for one in self.phases)
 
     @functools.cached_property
     def run(self) -> Trajectory:
-        """Raises `OptionError` where phases have different models: each has its own `run`."""
+        """Raises `OptionError` where phases have different models, or other parameters: each has its own `run`."""
         if not self._one_model:
-            raise OptionError("run: the phases have different models. Look at best.phases[0].run, best.phases[1].run, ...")
+            raise OptionError(
+                "run: the phases have different models or parameters. Look at best.phases[0].run, best.phases[1].run, ..."
+            )
         first, offset = self.phases[0], [one.t[0] for one in self.phases]
         inputs: dict[Any, Any] = {}
         for entry in first.inputs:

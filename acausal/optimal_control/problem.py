@@ -11,7 +11,7 @@ import numpy as np
 
 from acausal.arguments import dictionary, finite, whole_number
 from acausal.errors import OptionError, UnknownVariableError
-from acausal.language.expression import Expression, Parameter
+from acausal.language.expression import Expression, InputRate, Parameter
 from acausal.numerics.folding import folded_function
 from acausal.optimal_control.asked import GIVEN, Asked, Limits, Total
 from acausal.optimal_control.checks import check_given, check_problem
@@ -95,6 +95,12 @@ class OptimalControl:
             raise OptionError(f"OptimalControl: {model!r} is no model. Build it: ac.OptimalControl(ac.build(scene), ...).")
         self.model, self._functions = model, model.functions
         self._mode = phase_mode(self._functions, dictionary(modes or {}, "modes", "{scene.foot: 'sticks'}"))
+        rates = [entry.of for entry in self._mode.inputs if isinstance(entry, InputRate) and not isinstance(entry.of, InputRate)]
+        if rates:
+            raise OptionError(
+                f"OptimalControl: the input {self.name(rates[0])} prescribes a place, an angle or a speed, and by its rates moves the scene, too, which are not found here. Let an acceleration be the "
+                "input (AccelerationSource, AngularAccelerationSource) and bound the place, or prescribe it by an expression of ac.time."
+            )
         self._t0 = finite(t0, "OptimalControl: t0 [s]")
         self._time = _duration(time)
         self._parameters: dict[Parameter, float] = dict(self.symbols(parameters or {}, "parameters"))
@@ -252,6 +258,16 @@ class OptimalControl:
         return Controller(best, every, solver, dict(options or {}))
 
     @property
+    def found(self) -> tuple[Parameter, ...]:
+        """Parameters that are found with the motion."""
+        return tuple(self._geometry)
+
+    @property
+    def given(self) -> tuple[Parameter, ...]:
+        """Parameters that were given other values than at build."""
+        return tuple(self._parameters)
+
+    @property
     def _given(self) -> dict[str, Any]:
         """Arguments of `simulate`."""
         return {"parameters": self._parameters, "t0": self._t0}
@@ -401,19 +417,18 @@ class OptimalControl:
         return np.max(of_places, axis=0, initial=0.0) > 1e-6 * np.max(of_places, initial=0.0)
 
     def _units(self, stage: Stage, begin: InitialState) -> np.ndarray:
-        """(width,): lengths and angles as the search for a start measures them, the others by the duration; inputs by their bounds."""
+        """(width,): lengths and angles as the search for a start measures them, the others by the duration; inputs by their bounds, 0 where they have none."""
         space, system, time = stage.functions.space, stage.functions.outputs.system, float(self._time.guess or 1.0)
         positions, rates = start_units(begin)
         states = np.concatenate([positions[: system.nq], rates / time])[list(space.places)]
         nq, nv = space.nq, space.velocities
         _, _, loops, inputs = stage.sizes
-        drive = np.ones(inputs)
+        drive = np.zeros(inputs)
         for expression, lower, upper in self._limited:
             for k, entry in enumerate(self._mode.inputs):
                 if expression is entry:
-                    size = max((abs(float(v)) for v in (lower, upper) if np.isfinite(v)), default=0.0)
-                    drive[k] = size if size > 0 else 1.0
-        return np.concatenate([states, states[nq : nq + nv] / time, np.ones(loops), drive])
+                    drive[k] = max((abs(float(v)) for v in (lower, upper) if np.isfinite(v)), default=0.0)
+        return np.concatenate([states, states[nq : nq + nv] / time, np.zeros(loops), drive])
 
     def _measured(self, asked: Asked, units: np.ndarray, first: Guess) -> np.ndarray:
         """(width,): these units, all lengths times one factor and all angles times another, by how far and how fast the guess moves, or by what inputs within their bounds move where
@@ -442,7 +457,7 @@ class OptimalControl:
         acting = np.max(slope[moving, nv:] / inertia[moving, None], axis=0, initial=0.0)
         acting[last - nx - nv :] = np.maximum(acting[last - nx - nv :], _acting_on_scalars(asked, first, found))
         size, bounded = np.max(np.abs(first.values), axis=0), {k for k, *_ in asked.entries}
-        for k in [k for k in range(nx + nv, stage.width) if k < last or k not in bounded]:
+        for k in [k for k in range(nx + nv, stage.width) if k < last or k not in bounded or not found[k] > 0]:
             push = 1 / acting[k - nx - nv] if acting[k - nx - nv] > 0 else 0.0
             found[k] = max(push, size[k]) or 1.0
         return found
@@ -593,8 +608,9 @@ def _ordered(pair: tuple[Any, Any], name: str, entries: int | None) -> tuple[np.
     """Lower and upper limits of `entries` numbers. Raises `OptionError` where nothing lies between them."""
     try:
         lower, upper = (np.asarray(_numbers(v), dtype=float).ravel(order="F") for v in pair)
-        if entries is not None:
-            lower, upper = (np.broadcast_to(v, (entries,)) for v in (lower, upper))
+        lower, upper = (
+            np.broadcast_arrays(lower, upper) if entries is None else (np.broadcast_to(v, (entries,)) for v in (lower, upper))
+        )
     except (TypeError, ValueError, OverflowError):
         said = pair[0] if pair[0] is pair[1] else pair
         raise OptionError(

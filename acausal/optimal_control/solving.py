@@ -14,7 +14,7 @@ from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
 from acausal.optimal_control.attempts import COARSE, MOST_PIECES, Attempt, Found, Searches, divided, finer
 from acausal.optimal_control.beginning import best_beginning
 from acausal.optimal_control.failing import failure
-from acausal.optimal_control.link import Link
+from acausal.optimal_control.link import Link, torn
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.promises import broken_promises
@@ -53,6 +53,7 @@ def best_of(
         if not now.success:
             raise OptimalControlError(failure(now.problem, now.unknowns, now.cost, now.status), now.best)
         broken = [words for k, one in enumerate(now.problem.parts) for words in broken_promises(one, now.phases[k].unknowns)]
+        broken += [words for link in links for words in torn(link, now.problem.parts, [one.unknowns for one in now.phases])]
         if broken:
             raise OptimalControlError(
                 f"A motion was found, but what is asked for contradicts itself: {'; '.join(broken[:4])}. Leave something of it out, or begin elsewhere with ocp.guess(run).",

@@ -326,6 +326,6 @@ def _ends(sums: list[tuple[Total, int]], layout: Layout) -> list[Term]:
     for total, row in sums:
         for k, value in ((0, total.starts), (layout.mesh.intervals, total.ends)):
             column = layout.stage.put(value)
-            if not column.is_constant():
+            if not column.is_zero():
                 found.append(column_at(layout, k, column, [row]))
     return found

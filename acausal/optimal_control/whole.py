@@ -94,5 +94,28 @@ def whole(parts: Sequence[Part], links: Sequence[Link]) -> Whole:
     for link in links:
         program, added = linked(program, link, made, begins)
         labels += [(name, link.after, 0.0) for name in added]
+    program, added = _one_value(program, made, begins)
+    labels += added
     assert len(labels) == program.rows >= rows[-1]
     return Whole(made, links, program.balanced(), begins[:-1], tuple(rows), labels)
+
+
+def _one_value(
+    program: Program, made: Sequence[Transcribed], begins: Sequence[int]
+) -> tuple[Program, list[tuple[str, int, float]]]:
+    """Parameters that several phases find have one value; and labels of the rows that say so."""
+    known: dict[Any, tuple[int, float]] = {}
+    entries: list[tuple[int, int, float]] = []
+    labels: list[tuple[str, int, float]] = []
+    for k, (one, begin) in enumerate(zip(made, begins, strict=False)):
+        for parameter, place in zip(one.asked.stage.free, one.layout.extra[1:].tolist(), strict=True):
+            own = begin + place, float(one.units[place])
+            if parameter in known:
+                row = len(labels)
+                entries += [(row, own[0], 1.0), (row, known[parameter][0], -known[parameter][1] / own[1])]
+                labels.append((f"one {parameter.name}", k, 0.0))
+            known[parameter] = own
+    if not labels:
+        return program, labels
+    row, column, value = (np.array(part) for part in zip(*entries, strict=True))
+    return program.tied(row, column, value), labels
