@@ -9,7 +9,20 @@ import pytest
 
 import acausal as ac
 from acausal.errors import OptimalControlError, OptionError
-from components import Coulomb, Fixed, ForceSource, Particle, PointOnPlane, Prismatic, Revolute, RigidBody, TorqueSource, World
+from components import (
+    Coulomb,
+    EndStop,
+    Fixed,
+    ForceSource,
+    JointFriction,
+    Particle,
+    PointOnPlane,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    TorqueSource,
+    World,
+)
 
 
 class Hopper(ac.System):
@@ -306,3 +319,17 @@ def test_a_parameter_that_phases_find_has_one_value() -> None:
     assert best.cost == pytest.approx(2 * np.sqrt(3 * A), rel=1e-9)
     assert best[0].parameters == pytest.approx(best[1].parameters)
     assert best.replay_error < 1e-9
+
+
+def test_what_a_mode_or_a_load_of_a_joint_does_not_go_with_is_said_by_name() -> None:
+    """A place behind a stop that is not touched; friction by how hard a joint is loaded."""
+    stopped, rubbed = Barge(), Barge()
+    stopped.stop = EndStop(stopped.x.flange, upper=0.8)
+    ocp = ac.OptimalControl(ac.build(stopped), 1.0)
+    ocp.start({stopped.x.q: 0})
+    ocp.end({stopped.x.q: 1.0})
+    with pytest.raises(OptionError, match=r"x.q is to be 1 at the end, but in its mode stop.* stays apart all the time"):
+        ocp.solve(3)
+    rubbed.friction = JointFriction(rubbed.x, Coulomb(0.1))
+    with pytest.raises(OptionError, match=r"friction.* rubs by how hard its joint is loaded"):
+        ac.OptimalControl(ac.build(rubbed), 1.0, modes={rubbed.friction: "slides +"})

@@ -17,7 +17,7 @@ _PARALLEL = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class _Said:
-    """An entry between two numbers `at` a time (None: always), which is to be `range` in words; `sloped` (n,) along unknowns, all of it divided by its `size` > 0 or < 0, so that the largest slope
+    """An entry between two numbers `at` a time (None: always), which is to be `range` in words (none where a mode says so by its name); `sloped` (n,) along unknowns, all of it divided by its `size` > 0 or < 0, so that the largest slope
     is 1: then it is between `lower` and `upper` and its constant is left out.
     """
 
@@ -58,6 +58,8 @@ def _words(one: _Said, other: _Said) -> str:
     """`one` is said of a time, if any of both is."""
     if other.at is None and one.name == other.name:
         return f"{one.name} is to be {one.range} {when(one.at)}, but is bounded to {other.range} all the time. Move one of them."
+    if other.at is None and not other.range:
+        return f"{one.name} is to be {one.range} {when(one.at)}, but in its mode {other.name} all the time, which cannot both be. Move one of them, or say other modes."
     if other.at is None:
         return f"{one.name} is to be {one.range} {when(one.at)}, but {other.name} is bounded to {other.range} all the time, which cannot both be. Move one of them."
     known = other.range if one.name == other.name else f"{other.name} {other.range}"
@@ -67,6 +69,7 @@ def _words(one: _Said, other: _Said) -> str:
 def _entries(asked: Asked) -> Iterable[_Said]:
     """Those whose slopes are constant."""
     stage, known = asked.stage, _at_ends(asked)
+    of_mode = {name for _, name in stage.bounds}
     given = ca.vertcat(stage.unknowns, stage.data)
     said = [(at, limits, False) for at, limits in (*((None, limits) for limits in asked.path), *asked.here)]
     for at, limits, of_start in (*said, *((at, limits, True) for at, limits in known)):
@@ -85,7 +88,8 @@ def _entries(asked: Asked) -> Iterable[_Said]:
             if size != 0 and np.isfinite(slope).all() and np.isfinite(constant):
                 lower, upper = sorted((np.array([limits.lower[r], limits.upper[r]]) - constant) / size)
                 much = [abs(v / size) for v in (limits.lower[r], limits.upper[r], constant) if np.isfinite(v)]
-                yield _Said(at, limits.entry(r), limits.range(r), slope / size, lower, upper, ROOM * max(much), of_start)
+                words = "" if at is None and limits.name in of_mode else limits.range(r)
+                yield _Said(at, limits.entry(r), words, slope / size, lower, upper, ROOM * max(much), of_start)
 
 
 def _at_ends(asked: Asked) -> list[tuple[float, Limits]]:

@@ -148,6 +148,11 @@ def phase_mode(functions: Functions, said: Mapping[Any, str]) -> PhaseMode:
         needed = {s.element_hash() for s in ca.symvar(ca.veccat(found.rate(law), law.row.moved))}
         if any(entry.sx.element_hash() in needed for entry in found.inputs):
             raise OptionError(f"OptimalControl: {law.name} is moved by an input itself. Let the input be a force.")
+        if law.row.sizes:
+            raise OptionError(
+                f"OptimalControl: {law.name} rubs by how hard its joint is loaded, which this does not go with yet. Leave that friction out, or drive the joint's flange with a friction of your own, "
+                "ForceSource(scene.force - 2.0 * np.tanh(scene.rail.v / 0.01))."
+            )
         if law.row.pressure is not None:
             raise OptionError(f"OptimalControl: {law.name} is the friction of a patch, which this does not go with yet.")
     return replace_words(found, said, "OptimalControl")

@@ -44,6 +44,7 @@ class RealTime:
 
     def __call__(self, w: np.ndarray, state: np.ndarray) -> np.ndarray | None:
         self._in[0][:], self._in[1][:] = w, state
+        self._out[0][:], self._out[1][:] = np.nan, np.nan  # where a solver gives up nothing is written
         self._trigger()
         found, off = self._out[0].copy(), float(self._out[1][0])
         return found if off < _MET and np.isfinite(found).all() else None

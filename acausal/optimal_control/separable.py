@@ -19,6 +19,8 @@ from acausal.optimal_control.smooth import Smooth
 
 COST, NOWHERE = -1, -2
 """The row of what is minimised, and that of values which are not used."""
+_FLAT = 1e-9
+"""Of the slope of the cost one unit beside the guess: what it is at the guess by rounding alone."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -157,13 +159,14 @@ class Program:
         return replace(self, terms=terms, linear=(none, none, np.zeros(0)), limits=np.zeros((2, 0)))
 
     def balanced(self) -> Program:
-        """With rows, and the cost, in units in which the largest of their slopes at the guess is 1; where that of the cost vanishes, at one unit beside it."""
+        """With rows, and the cost, in units in which the largest of their slopes at the guess is 1; where that of the cost vanishes there but for rounding, at one unit beside it."""
         slopes = np.abs(np.array(self._jacobian(self.guess, ca.DM(0, 1))[1].nonzeros()))
         row = np.array(self._jacobian.sparsity_out(1).row(), dtype=int)
         largest = np.zeros(self.rows)
         np.maximum.at(largest, row, np.where(np.isfinite(slopes), slopes, 0.0))
         size = 1 / np.where(largest > 0, largest, 1.0)
-        steepest = self._steepest(self.guess) or self._steepest(self.guess + np.random.default_rng(0).uniform(-1, 1, self.size))
+        steepest, beside = (self._steepest(self.guess + d) for d in (0.0, np.random.default_rng(0).uniform(-1, 1, self.size)))
+        steepest = steepest if steepest > _FLAT * beside else beside
         of_cost = 1 / steepest if steepest > 0 else 1.0
         all_sizes = np.concatenate([size, [1.0, of_cost]])  # NOWHERE, COST
         terms = [replace(term, weights=term.weights * all_sizes[term.rows]) for term in self.terms]
