@@ -333,3 +333,28 @@ def test_what_a_mode_or_a_load_of_a_joint_does_not_go_with_is_said_by_name() -> 
     rubbed.friction = JointFriction(rubbed.x, Coulomb(0.1))
     with pytest.raises(OptionError, match=r"friction.* rubs by how hard its joint is loaded"):
         ac.OptimalControl(ac.build(rubbed), 1.0, modes={rubbed.friction: "slides +"})
+
+
+def test_what_swaps_begins_where_the_other_ended() -> None:
+    """Also where it is told at the end, and all is free at the start."""
+    scene = ac.System()
+    scene.world = World()
+    for name in "ab":
+        one = ac.System()
+        one.force, one.rail, one.body = ac.Input("N"), Prismatic("x"), Particle(1.5)
+        one.motor = ForceSource(one.force)
+        one.connect(one.rail.frame_b, one.body.point)
+        one.connect(one.motor.flange, one.rail.flange)
+        setattr(scene, name, one)
+        scene.connect(scene.world.frame, one.rail.frame_a)
+    a, b = scene.a, scene.b
+    step = ac.OptimalControl(ac.build(scene), 0.8)
+    step.start({a.rail.q: ac.free(-1, 2, 0.2), b.rail.q: ac.free(-1, 2, 0.4), a.rail.v: ac.free(-5, 5), b.rail.v: ac.free(-5, 5)})
+    step.end({b.rail.q: 1.0})
+    step.at(0.5, {a.rail.q: 0.3})
+    step.minimise(ac.integral(a.force**2 + b.force**2))
+    over = ac.phases(step)
+    swapped = {a.rail.q: b.rail.q, b.rail.q: a.rail.q, a.rail.v: b.rail.v, b.rail.v: a.rail.v}
+    over.link(step, step, swapped)
+    x = over.solve(4)[0].x
+    assert x[:, 0] == pytest.approx(x[[1, 0, 3, 2], -1], abs=1e-8)

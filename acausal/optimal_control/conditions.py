@@ -91,7 +91,7 @@ def _not_following(
         slopes = [_slopes(stage, limits, there, at)[:, free] * much[free] for at, limits in said]
         for c, (_, limits) in enumerate(said):
             if limits.name == GIVEN and there is z:
-                needed[c] = _given(limits, slopes[c], known)
+                needed[c] = given_rows(limits, slopes[c], known)
             room = (limits.lower < limits.upper) & slopes[c].any(axis=1) & (limits.name != GIVEN)
             needed[c] = sorted({*needed[c], *np.flatnonzero(room).tolist()})
         had = [_unit(slopes[c][r]) for c, (_, limits) in enumerate(said) for r in needed[c] if limits.lower[r] == limits.upper[r]]
@@ -110,7 +110,7 @@ def _slopes(stage: Stage, limits: Limits, z: np.ndarray, at: float) -> np.ndarra
     return np.array(slope(z, [at, 0.0])).reshape(value.numel(), -1)
 
 
-def _given(limits: Limits, own: np.ndarray, known: np.ndarray) -> list[int]:
+def given_rows(limits: Limits, own: np.ndarray, known: np.ndarray) -> list[int]:
     """Of what is given at the start: all else is as at the guess where nothing is said of it; what leaves room there says something."""
     basis, needed = [*map(_unit, known)], list[int]()
     for r, row in enumerate(own):

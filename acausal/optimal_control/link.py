@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 
 from acausal.numerics.folding import folded_function
-from acausal.optimal_control.asked import ROOM
+from acausal.optimal_control.asked import GIVEN, ROOM
+from acausal.optimal_control.conditions import given_rows
 from acausal.optimal_control.mode import PhaseMode
 from acausal.optimal_control.separable import Program, Term
 from acausal.optimal_control.stage import Stage, independent_rows
@@ -278,7 +279,12 @@ class _Slopes:
         rows = [asked.stage.invariants[0]]
         for at, limits in asked.here:
             if at == 0.0:
-                rows += [limits.value[r] for r in range(limits.value.numel()) if limits.lower[r] == limits.upper[r]]
+                own = range(limits.value.numel())
+                if limits.name == GIVEN:  # what else stands there is as at the guess only where nothing is said of it
+                    own = given_rows(
+                        limits, self._of(asked.stage, limits.value, end=False), self._of(asked.stage, rows[0], end=False)
+                    )
+                rows += [limits.value[r] for r in own if limits.lower[r] == limits.upper[r]]
         return self._of(asked.stage, ca.vertcat(ca.SX(0, 1), *rows), end=False)
 
 
