@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.collocation.modes import WithModes
-from acausal.collocation.problem import Accuracy, StatusKind
+from acausal.collocation.problem import Accuracy, Solution, StatusKind
 from acausal.integrators.integrate import integrate
 from acausal.language.expression import Expression, Input, Parameter
 from acausal.language.pieces import PiecewisePolynomial
@@ -36,6 +36,8 @@ _LITTLE = 1e-3
 """Of the unit of the cost: what integrals are measured by that are less."""
 _TOLD = 1e-6
 """Of what is bounded: by how much bounds are left, where that is told."""
+_JUST = 1e-6
+"""Of an interval: so little before its end what strikes may, by the digits that a search leaves, and still belongs to the end."""
 _DIGITS = 1e-8
 """Of what a state is: it does not vary by less, beside rounding."""
 
@@ -44,6 +46,14 @@ def left(cost: float, sharper: float, stages: int) -> float:
     """About how far a cost is from the least one on its nodes: by that with one point more in each interval than these `stages`."""
     change = abs(cost - sharper)
     return (_LEFT if change <= _CLEAR * abs(cost) else stages + 1) * change
+
+
+def _before_impact(solution: Solution) -> np.ndarray:
+    """The last state (nx,); where something strikes as good as at the end, which is where phases meet, that before it."""
+    modes, (t, x) = solution.modes, (solution.t, solution.x)
+    just = t[-1] - _JUST * (t[-1] - t[0])
+    strikes = modes.steps[modes.jumped & (modes.begins >= just)] if modes is not None else ()
+    return x[:, min(strikes)] if len(strikes) else x[:, -1]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -209,14 +219,14 @@ class Optimum:
         found, accuracy = list[np.ndarray](), Accuracy.asked(_REPLAYED)
         inputs = self.run.problem.inputs
         given = inputs.inputs if isinstance(inputs, WithModes) else inputs  # modes are decided anew at each node
-        x = self._nodes
+        x, last = self._nodes, self.mesh.intervals - 1
         for k, times in enumerate(self._between):
             read = np.append(times, self.t[k + 1])
             problem = replace(self.run.problem, inputs=given, read=read)
             solution = integrate(problem, x[:, k].copy(), float(self.t[k]), float(read[-1]), accuracy)
             arrived = solution.status.kind is StatusKind.SUCCESS
             found.append(
-                np.column_stack([solution.dense(times), solution.x[:, -1]])
+                np.column_stack([solution.dense(times), _before_impact(solution) if k == last else solution.x[:, -1]])
                 if arrived
                 else np.full((len(self.x), read.size), np.inf)
             )

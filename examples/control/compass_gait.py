@@ -67,7 +67,7 @@ def main(folder: str = "out") -> float:
     model = ac.build(walker)
     print(model)
     left, right, lean, hip = walker.left, walker.right, walker.lean, walker.hip
-    step = ac.OptimalControl(model, ac.free(0.5, 1.0, 0.6), modes={left.ground: "sticks"})
+    step = ac.OptimalControl(model, 0.55, modes={left.ground: "sticks"})
     anything: dict[Any, Any] = {one.v: ac.free(-5, 5) for one in (walker.along, walker.up, lean, hip, left.slide, right.slide)}
     places = {
         walker.along.q: ac.free(-1, 1, -0.2),
@@ -81,7 +81,7 @@ def main(folder: str = "out") -> float:
     step.end({right.place[0]: 0.45, right.place[2]: 0.0})
     for leg in (left, right):
         step.bound(leg.slide.q, 0.75, 1.0)
-        step.bound(leg.slide.v, -1.5, 1.5)
+        step.bound(leg.slide.v, -2, 2)
         step.bound(leg.push, -400, 400)
     step.bound(walker.torque, -50, 50)
     step.minimise(ac.integral(walker.torque**2 + 0.01 * (left.push**2 + right.push**2)))
