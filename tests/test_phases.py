@@ -147,6 +147,22 @@ def test_a_ball_bounces_with_its_restitution(restitution: float) -> None:
     assert best.replay_error < 1e-7
 
 
+@pytest.mark.parametrize(("restitution", "height"), [(0.27, 0.09), (0.84, 2.1), (0.51, 67.0)])
+def test_what_strikes_where_a_phase_ends_is_no_error_of_its_last_interval(restitution: float, height: float) -> None:
+    """A fall is a parabola: two intervals are exact, wherever the last digits of the search put the strike, and no finer mesh is asked for."""
+    scene, T = Ball(restitution), np.sqrt(height / 5)
+    model = ac.build(scene)
+    fall, rise = ac.OptimalControl(model, ac.free(0.1 * T, 10 * T)), ac.OptimalControl(model, ac.free(0.1 * T, 10 * T))
+    fall.start({scene.rail.q: height})
+    fall.end({scene.rail.q: 0})
+    rise.end({scene.rail.v: 0})
+    bounce = ac.phases(fall, rise)
+    bounce.link(fall, rise, impact={scene.ground: "bounces"})
+    best = bounce.solve(2)
+    assert best.defect < 1e-7 and [one.t.size for one in best.phases] == [3, 3]
+    assert best[1].x[0, -1] == pytest.approx(restitution**2 * height, rel=1e-7)
+
+
 def test_a_throw_over_a_wall_goes_on_in_another_scene() -> None:
     """Flight is a parabola, just over the wall, from where and how fast the hand let go."""
     hold, air = Arm(0.8, 0.5), Flying(0.5)
