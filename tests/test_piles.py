@@ -280,3 +280,41 @@ def test_what_slides_goes_on_while_something_else_comes_to_rest(size: float, ord
         2.0, {scene.up[0].q: 0.1 * size, scene.up[1].q: size, scene.along[1].v: 0.1 * size}, rtol=1e-11
     )
     assert run[scene.along[0].q][-1] == pytest.approx(0.2**2 * mu * G * size, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("size", "restitution", "masses", "radii"),
+    [
+        (1.0, 0.8, (7.159, 8.627, 0.107, 5.337), (0.295, 0.289, 0.087, 0.293)),
+        (10.0, 0.5, (0.137, 2.545), (0.1297, 0.1625)),
+        (100.0, 1.0, (2.628, 0.151, 1.826), (0.2952, 0.1559, 0.0781)),
+        (1e-3, 0.8, (7.167, 0.439, 6.544, 0.1, 0.251), (0.2037, 0.2591, 0.065, 0.0744, 0.1687)),
+        (1.0, 0.0, (0.26, 3.17, 0.36), (0.17, 0.3, 0.29)),
+    ],
+)
+def test_balls_that_touch_and_are_dropped_together_bounce_in_unison(
+    size: float, restitution: float, masses: tuple[float, ...], radii: tuple[float, ...]
+) -> None:
+    """With one restitution all around no speed between two that touch is given one by an impact: they bounce as one would, however often, though rounding parts them."""
+    scene, n, e = ac.System(), len(masses), restitution
+    scene.world = World(gravity=(0, 0, -G * size))
+    scene.rails = [Prismatic("z") for _ in masses]
+    scene.balls = [RigidBody.ball(mass, size * radius) for mass, radius in zip(masses, radii, strict=True)]
+    below = [Plane(), *(Sphere(size * radius) for radius in radii[:-1])]
+    scene.touch = [Contact(Sphere(size * radius), shape, Hard(e)) for radius, shape in zip(radii, below, strict=True)]
+    for k in range(n):
+        scene.connect(scene.world.frame, scene.rails[k].frame_a)
+        scene.connect(scene.rails[k].frame_b, scene.balls[k].frame)
+        scene.connect(scene.balls[k - 1].frame if k else scene.world.frame, scene.touch[k].frame_a)
+        scene.connect(scene.touch[k].frame_b, scene.balls[k].frame)
+    fall, at_rest = np.sqrt(2 / G), [2 * sum(radii[:k]) + radii[k] for k in range(n)]  # from the size above the floor
+    instants = fall * np.cumsum([1.0, *(2 * e ** (k + 1) for k in range(4 if e else 0))])
+    end = instants[-1] + (0.5 * fall * e**5 if e else fall)
+    start = {rail.q: size * (1 + place) for rail, place in zip(scene.rails, at_rest, strict=True)}
+    run = ac.build(scene).simulate(end, start | {rail.v: 0.0 for rail in scene.rails}, rtol=1e-12)
+    np.testing.assert_allclose(list(dict.fromkeys(line.time for line in run.transitions)), instants, rtol=1e-12)
+    since, speed = end - instants[-1], G * fall * e ** len(instants)
+    height = speed * since - G * since**2 / 2 if e else 0.0
+    for rail, place in zip(scene.rails, at_rest, strict=True):
+        np.testing.assert_allclose(run[rail.q][-1], size * (place + height), rtol=1e-11)
+        np.testing.assert_allclose(run[rail.v][-1], size * (speed - G * since if e else 0.0), atol=1e-11 * size)

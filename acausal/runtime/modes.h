@@ -1120,6 +1120,49 @@ static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double pla
     return decide_accelerations(I, R, planned);
 }
 
+/* What touches after an impact with no speed but rounding of all that has struck stays beside one another: that speed, and the gap, are put to zero, since they would part it in flight,
+   so that it strikes in pieces later. So are others to what restitution makes of them, where rounding is all that is missing. 0 when the input function failed. */
+static int stay_beside(Integrator *I, Decision *D, Room R) {
+    struct State *T = I->state;
+    long n = D->n, found = 0;
+    double *missing = R.compressed, *end = T->blow;
+    Decision nothing = decision_of(I, T->no_change, 0);
+    memset(T->no_change, 0, sizeof(double) * (size_t)I->decision.outputs);
+    for (long k = 0; k < D->gaps + D->frictions; k++) R.law[k] = OFF;
+    for (long i = 0; i < n; i++) R.push[i] = R.floor[i] = 0;
+    for (long i = 0; i < D->gaps; i++) {
+        double struck = 0;
+        for (long j = 0; j < n; j++) struck += fabs(D->W[i * n + j] * T->impulse[j]);
+        double noise = fmax(D->rate_noise[i], TOUCHES * EPS * struck), back = fabs(R.before[i]) <= noise ? 0 : -D->bounce[i] * R.before[i];
+        if (!R.touching[i] || D->terms[i] < 0 || is_speed(D, i) || !(fabs(D->rate[i] - back) <= noise)) continue;
+        R.law[i] = HOLDS;
+        R.push[i] = 1, R.floor[i] = back;
+        found |= back == 0;
+    }
+    if (!found) return 1;
+    for (int again = 0; again < 2; again++) { /* the first ones are rounded as large as they are */
+        Problem p = problem_of(I, D, R, missing);
+        p.kinetic = 1;
+        p.damping = I->redundant ? DEPENDENT : 0;
+        for (long i = 0; i < n; i++) missing[i] = D->rate[i] - R.floor[i];
+        change_choice(&p, &nothing, missing, 0, T->choice_change, end);
+        for (long i = 0; i < I->nx; i++) {
+            double moved = 0;
+            for (long j = 0; j < n; j++) moved += D->J[i * n + j] * end[j];
+            if (isfinite(moved)) I->x[i] += moved;
+        }
+        if (!decision_at(I, I->t, I->x, D)) return 0;
+    }
+    for (long i = 0; i < D->gaps; i++) {
+        T->side[i] = R.law[i] == HOLDS && R.floor[i] == 0;
+        R.law[i] = T->side[i] == 1 ? HOLDS : OFF;
+    }
+    if (I->redundant) T->side[carried_of(I) - 1] = DAMPING * least_pivot(D, R.law, R.work, R.place);
+    project(I, I->t, I->x);
+    memset(T->side, 0, sizeof(double) * (size_t)first_discrete(I));
+    return decision_at(I, I->t, I->x, D);
+}
+
 /* All rows are decided at (t, x): impacts, then modes. `row`: the guard of masks that has become negative, -1: none in particular. */
 static enum Code decide_reactions(Integrator *I, long row, double planned) {
     struct State *T = I->state;
@@ -1158,7 +1201,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         if (I->directions) strike_directions(I, &D, T->impulse);
         memcpy(R.before, D.rate, sizeof(double) * (size_t)n);
         for (long k = 0; k < first_discrete(I); k++) T->side[k] = 0;
-        if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
+        if (!decision_at(I, I->t, I->x, &D) || !stay_beside(I, &D, R)) return INPUT_FAILED;
         look_at_slips(I, &D, R, -1, R.before);
         note_strength(I, &D, R);
     } else {
