@@ -197,7 +197,9 @@ def test_loops_stay_closed_by_their_derivatives_at_however_many_times_these_are_
     slope = ca.Function("slope", [x, p], [ca.jacobian(f.invariants(0, x, p), ca.vertcat(x, p))])
     for k in range(0, 161, 10):
         change = np.vstack([found.S[k], found.directions.dp])
-        assert np.max(np.abs(np.array(slope(found.x[:, k], found.problem.parameters)) @ change)) < 1e-12 * (1 + np.max(np.abs(change)))
+        assert np.max(np.abs(np.array(slope(found.x[:, k], found.problem.parameters)) @ change)) < 1e-12 * (
+            1 + np.max(np.abs(change))
+        )
     for k in (3, 50, 77, 131):
         alone = model.sensitivities([0.0, times[k]], wanted, start, rtol=1e-10).S[1]
         assert np.max(np.abs(found.S[k] - alone)) < 1e-8 * np.max(np.abs(alone))

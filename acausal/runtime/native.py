@@ -453,7 +453,11 @@ class Run:
         shapes = (self.x.shape, self.S.shape, self.discrete_S.shape)
         self.asked_x, self.asked_S, self.asked_discrete = (np.full((asked.size, *shape), np.nan) for shape in shapes)
         core.asked, core.asked_t = asked.size, _address(self._asked)
-        core.asked_x, core.asked_S, core.asked_discrete = _address(self.asked_x), _address(self.asked_S), _address(self.asked_discrete)
+        core.asked_x, core.asked_S, core.asked_discrete = (
+            _address(self.asked_x),
+            _address(self.asked_S),
+            _address(self.asked_discrete),
+        )
         self._use(self.native.variation, *(wanted.name for wanted in self.native.integrand.variation))
 
     def _watch(self, guards: Guards) -> None:

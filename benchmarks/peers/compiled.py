@@ -41,7 +41,9 @@ def compiled(functions: list[ca.Function], optimise: str = "-O2") -> list[ca.Fun
     generator = ca.CodeGenerator("peer.c")
     for function in functions:
         generator.add(function)
-    with tempfile.TemporaryDirectory(ignore_cleanup_errors=True) as name:  # what is loaded stays so without its file, where systems allow it
+    with tempfile.TemporaryDirectory(
+        ignore_cleanup_errors=True
+    ) as name:  # what is loaded stays so without its file, where systems allow it
         folder = Path(name)
         generator.generate(f"{folder}{os.sep}")
         library = folder / "peer.so"
