@@ -11,7 +11,19 @@ import numpy as np
 from acausal.arguments import shown
 from acausal.errors import ExpressionError, ParameterError
 from acausal.language.connector import Frame, Point
-from acausal.language.expression import Expression, Scalar, check_unit, checked, evaluated, flag, leaves, scalar, sx, vector
+from acausal.language.expression import (
+    Expression,
+    Scalar,
+    check_unit,
+    checked,
+    evaluated,
+    flag,
+    is_truth,
+    leaves,
+    scalar,
+    sx,
+    vector,
+)
 from acausal.language.origin import origin
 from acausal.parts.inertia import Inertia
 from acausal.parts.pose import Matrix, Pose, pose
@@ -279,6 +291,8 @@ def _checked_shapes(shapes: Any) -> tuple[drawn.AbstractShape, ...]:
 def _inertia_matrix(inertia: Scalar) -> np.ndarray | Expression:
     """Checked central inertia (3, 3)."""
     check_unit(inertia, "RigidBody's inertia", "kg*m^2")
+    if is_truth(inertia):
+        raise ParameterError(f"RigidBody's inertia must be numbers, not {shown(inertia)} ({origin()}).")
     try:
         found, entries = leaves(inertia), sx(inertia)
     except ExpressionError as error:

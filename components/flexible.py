@@ -7,7 +7,7 @@ from typing import Any, Self, final
 import numpy as np
 
 from acausal.errors import ParameterError
-from acausal.language.expression import scalar
+from acausal.language.expression import is_truth, scalar
 from acausal.language.origin import origin
 from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.parts.modal_inertia import ElasticBody, ShapeIntegrals
@@ -98,7 +98,7 @@ def _form(value: Any, what: str) -> tuple[int, ...]:
 
 def _array(value: Any, shape: tuple[int, ...], what: str) -> np.ndarray:
     try:
-        array = np.asarray(value, dtype=float)
+        array = np.asarray("no numbers" if is_truth(value) else value, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise ParameterError(f"{what} must be numbers of shape {shape}, not {value!r} ({origin()}).") from None
     if array.shape != shape:

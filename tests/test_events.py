@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import OptionError
+from acausal.errors import AccuracyWarning, OptionError
 from components import Particle, Prismatic, Revolute, RigidBody, Spring, World
 from tests.scenes import FourBar
 
@@ -270,3 +270,21 @@ def test_what_is_conserved_crosses_nothing_however_its_errors_wander(rtol, compi
     crossed = ac.when((R.T @ w)[0])
     run = ac.build(scene).simulate(20.0, {w: tuple(w0)}, rtol=rtol, events=[*conserved, crossed], compiled=compiled)
     assert len(run.events) == np.sum(np.diff(np.sign((run[R.T @ w])[:, 0])) != 0) > 2
+
+
+@BOTH
+@pytest.mark.parametrize("law", [lambda h: np.sqrt(h - 1e3), lambda h: np.log(h - 7e2) + 1, lambda h: np.sqrt(h**2 - h**2 - 1)])
+def test_an_event_without_a_value_is_told(compiled, law):
+    """What is a number nowhere passes through zero nowhere; what is one in part of the motion, or has its zero, is not told of."""
+    with pytest.warns(
+        AccuracyWarning, match=r"when: .*test_events\.py:\d+\) is not a number at any step from 0 s to 3 s"
+    ) as told:
+        run = thrown(10.0, lambda s: [ac.when(s.height - 2), ac.when(law(s.height))], compiled=compiled)
+    assert len(told) == 1 and str(told[0].message).count("test_events.py") == 1
+    assert len(run.events) == 2
+
+
+@BOTH
+def test_an_event_with_a_value_in_part_of_the_motion_is_found(compiled):
+    run = thrown(10.0, lambda s: [ac.when(np.sqrt(s.height - 1) - 1)], compiled=compiled)
+    assert [event.time for event in run.events] == pytest.approx([(10 + k * np.sqrt(100 - 4 * G)) / G for k in (-1, 1)], rel=1e-9)

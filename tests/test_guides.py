@@ -404,3 +404,20 @@ def test_tracks_and_wires_are_drawn_where_their_curves_are():
         assert np.array(wire.points) == pytest.approx(expected, abs=1e-12)
     assert not PointOnCurve(Circle(ac.Parameter(0.4, "m"))).shapes() and not PointOnCurve(Line((1, 0, 0))).shapes()
     assert not PointOnCurve(Circle(0.4 + 0.1 * np.sin(ac.time))).shapes()
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e5])
+def test_a_curve_without_a_value_is_not_called_a_cusp(size):
+    """Where its function is no number, or its slope is infinite."""
+    curve = ParametricCurve(lambda s: (size * ca.sqrt(s - 5), 0, size * s))
+    for part, body in ((PointOnCurve(curve), Particle(1.0)), (AlongCurve(curve), RigidBody(1.0, (size**2,) * 3))):
+        scene = on(part, body, (0, 0, -G * size))
+        model = ac.build(scene)
+        with pytest.raises(
+            errors.StartValueError,
+            match=r"at guide\.q = 1\. What it is given by, or its slope, is infinite or not a number there",
+        ):
+            model.simulate(1.0, {scene.guide.q: 1.0})
+        with pytest.raises(errors.AcausalError, match="infinite or not a number there") as told:
+            model.simulate(1.0, {scene.guide.q: 5.0})
+        assert "cusp" not in str(told.value)

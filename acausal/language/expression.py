@@ -448,7 +448,7 @@ class Discrete(Mode):
     def __init__(self, unit: str = "", description: str = "", *, start: Scalar = 0.0) -> None:
         super().__init__("discrete", description)
         self.unit = _text(unit, "The unit of a Discrete")
-        self.start = scalar(start, "A Discrete's start")
+        self.start = scalar(float(start) if isinstance(start, bool | np.bool_) else start, "A Discrete's start")
         self.default = 0.0 if isinstance(self.start, Expression) else self.start
 
 
@@ -477,9 +477,9 @@ _MOST = 1e150
 
 
 def number(value: Any, what: str) -> float:
-    """`value` as a finite float; raises `ParameterError` naming `what` and the user's line."""
+    """`value` as a finite float; raises `ParameterError` naming `what` and the user's line, also for True and False, which Python takes for 1 and 0."""
     try:
-        result = float("text" if isinstance(value, str) else value)
+        result = float("no number" if isinstance(value, str) or is_truth(value) else value)
     except (TypeError, ValueError, OverflowError, RuntimeError):
         text = " ".join(repr(value).split())
         text = text if len(text) <= 80 else text[:78] + " …"
@@ -487,6 +487,15 @@ def number(value: Any, what: str) -> float:
     if not math.isfinite(result):
         raise ParameterError(f"{what} is {result} ({origin()}). Give a finite number.")
     return result
+
+
+def is_truth(value: Any) -> bool:
+    """Whether it is True or False, or holds one of them: no number, though Python takes it for 1 or 0."""
+    return (
+        isinstance(value, bool | np.bool_)
+        or (isinstance(value, np.ndarray) and value.dtype == bool)
+        or (isinstance(value, list | tuple) and any(is_truth(one) for one in value))
+    )
 
 
 def flag(value: Any, what: str) -> bool:
@@ -585,7 +594,7 @@ def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expressi
         expression = _shown(expression, what)
         return checked(expression, functools.partial(check, what=what))
     try:
-        array = np.asarray(value, dtype=float)
+        array = np.asarray("no numbers" if is_truth(value) else value, dtype=float)
     except (TypeError, ValueError, OverflowError, RuntimeError):
         raise ParameterError(f"{what} must be three numbers, not {value!r} ({origin()}).") from None
     if array.shape != (3,):

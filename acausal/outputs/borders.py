@@ -5,12 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import casadi as ca
+import numpy as np
 
 from acausal.outputs.outputs import Outputs
 from acausal.parts.bounded import AbstractBounded
 
 _SHOWN = 3
 """Coordinates of a joint that are told in words; more say nothing to a reader."""
+NO_VALUE = "What it is given by, or its slope, is infinite or not a number there, as a root of what is zero or negative. Say where it ends, or begin where it has a value."
+"""Said where borders have no value."""
 
 
 @dataclass(frozen=True)
@@ -26,6 +29,10 @@ class Border:
     coordinates: ca.SX
     names: tuple[str, ...]
     sized: bool = True
+
+    def told(self, values: np.ndarray) -> str:
+        """What is said where it has these `values`: `why`, or that the function it is given by has none there."""
+        return self.why if np.isfinite(values).all() else NO_VALUE
 
     @property
     def rows(self) -> tuple[str, ...]:

@@ -40,6 +40,7 @@ from acausal.simulate.trouble import (
 )
 from acausal.simulate.unseen import warn_of_unseen_inputs
 from acausal.simulate.watch import warn_if_inaccurate
+from acausal.simulate.without_value import warn_of_events_without_value
 from acausal.start.decided import check_circuit, check_decided
 from acausal.start.initial import InitialState
 from acausal.start.inputs import check_smooth, knots
@@ -162,6 +163,7 @@ def concluded(run: Trajectory, end: float, options: Options, jumps: bool = False
 def look_at(functions: Functions, run: Trajectory, accuracy: Accuracy, jumps: bool = False) -> None:
     """Warn of what makes a run that has ended doubtful. `jumps`: whether that has been said of given motions."""
     lost = [jumps, warn_if_singular(functions, run), warn_if_missed(functions, run), warn_of_unseen_inputs(functions, run)]
+    warn_of_events_without_value(functions, run)
     warn_if_pulled(functions, run)
     warn_if_not_followed(functions, run)
     if run.status.kind is StatusKind.SUCCESS:

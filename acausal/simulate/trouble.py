@@ -132,7 +132,10 @@ def check_inside(functions: Functions, t: float, x: np.ndarray, u: np.ndarray, p
     """Raises `StartValueError` for a part that begins where it has no meaning."""
     border = functions.beyond(t, x, u, p)
     if border is not None:
-        raise StartValueError(f"{border.who} has no meaning at the start{_at(functions, border, t, x, u, p)}. {border.why}")
+        inside = functions.inside
+        values = np.array(inside(t, x, np.append(u, np.zeros(inside.size1_in(2) - u.size)), p))[:, 0]
+        why = border.told(values[[functions.border_of(row) is border for row in range(values.size)]])
+        raise StartValueError(f"{border.who} has no meaning at the start{_at(functions, border, t, x, u, p)}. {why}")
 
 
 def check_inside_all(functions: Functions, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> None:
@@ -375,7 +378,7 @@ def _at_a_border(functions: Functions, run: Trajectory) -> str:
         if not np.all(values[begin:until, -1] > _BORDER * (np.clip(most, 0.0, 1.0) if border.sized else most)):
             t, x = run.steps.t[-1], run.steps.x[:, -1]
             where = _at(functions, border, t, x, run.problem.inputs(run.steps.t[-1:])[:, 0], run.problem.parameters)
-            return f" {border.who} has come to where it has no meaning{where}. {border.why}"
+            return f" {border.who} has come to where it has no meaning{where}. {border.told(values[begin:until, -1])}"
     return ""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from acausal.arguments import shown
 from acausal.errors import ExpressionError, ParameterError
-from acausal.language.expression import Expression, Scalar, checked, formula, leaves, sx
+from acausal.language.expression import Expression, Scalar, checked, formula, is_truth, leaves, sx
 from acausal.language.origin import origin
 from acausal.parts.pose import Pose, symbolic, vee
 from acausal.parts.potential import AbstractPotential
@@ -53,7 +53,7 @@ def _matrix(value: Scalar, name: str) -> np.ndarray | Expression:
     what = f"Bushing's {name}"
     found = leaves(value)
     try:
-        entries = sx(value if found else np.asarray(value, dtype=float))
+        entries = sx(value if found else np.asarray("no numbers" if is_truth(value) else value, dtype=float))
     except (TypeError, ValueError, OverflowError, ExpressionError):
         raise ParameterError(
             f"{what} is {shown(value)} ({origin()}). Give six numbers or a matrix (6, 6): turns first."

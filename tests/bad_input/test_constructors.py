@@ -65,6 +65,7 @@ PLAIN = {"Constant.value", "TimeFunction.function", "Gain.factor", "Integrator.f
          *(f"{part}.{name}" for part in ("Relay", "Thermostat", "Limiter") for name in ("lower", "upper", "off", "on", "power", "start")),
          *(f"{part}.{name}" for part in ("Latch", "PointLatch", "Gripper") for name in ("closes", "opens"))}  # fmt: skip
 """What signals carry has any unit, and what tells by its sign."""
+FLAGS = {"held", "unilateral", "Relay.start", "Thermostat.start"}
 DIRECTIONS = {"axis", "axis_a", "axis_b", "normal", "rotation", "tip_turns", "side"}
 
 
@@ -177,6 +178,13 @@ def wrong_values(cls: type[ac.Component], name: str) -> Iterator[tuple[str, Any]
     full = f"{cls.__name__}.{name}"
     if name in POSITIVE and full not in SIGNED:
         yield from (("negative", -1.0), ("a negative parameter", ac.Parameter(-1.0)), ("negative in a vector", (1.0, -1.0, 1.0)))
+    if not {name, full} & FLAGS:
+        yield from (
+            ("true", True),
+            ("false", np.False_),
+            ("true in a vector", (True, 0.0, 0.0)),
+            ("all true", np.array([True] * 3)),
+        )
     if full not in PLAIN and name not in DIRECTIONS:
         unit = ac.Parameter(1.0, "kg^3*A")
         yield from (("of another unit", unit), ("a vector of another unit", (unit, 1.0, 1.0)))
