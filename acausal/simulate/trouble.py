@@ -22,6 +22,7 @@ from acausal.errors import (
     SingularWarning,
     StartValueError,
 )
+from acausal.language.expression import InputRate
 from acausal.numerics.rounding import Rounding
 from acausal.outputs.borders import Border
 from acausal.outputs.functions import Functions
@@ -356,7 +357,8 @@ def _lost_input(functions: Functions, run: Trajectory, t1: float) -> str:
 def _out_of_reach(functions: Functions, run: Trajectory, t1: float) -> str:
     """Why the scene cannot be assembled a little later, where functions of time pull loops apart; empty if it can."""
     system, outputs = functions.outputs.system, functions.outputs
-    if not ca.depends_on(system.closing, system.t):
+    led = any(isinstance(one, InputRate) for one in system.flat.inputs)
+    if not (led or ca.depends_on(system.closing, system.t)):
         return ""
     t0, t = run.steps.t[0], run.steps.t[-1]
     later = t + max(0.01 * (t - t0), 1e-3 * (t1 - t0))

@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.interpolate import CubicSpline
 
 import acausal as ac
 from acausal import errors
@@ -87,10 +88,11 @@ def wheel(**start: Any) -> Callable[[], object]:
     return call
 
 
-def torn() -> ac.System:
+def torn(course: Any = lambda t: 0.5 * t) -> ac.System:
     """A table that drives away with two rods whose end is held."""
     scene = ac.System()
-    scene.world, scene.table, scene.plate = World(), PrescribedMotion(lambda t: (0.5 * t, 0, 0)), RigidBody.ball(1.0, 0.1)
+    given = course if isinstance(course, ac.Input) else course(ac.time)
+    scene.world, scene.table, scene.plate = World(), PrescribedMotion((given, 0, 0)), RigidBody.ball(1.0, 0.1)
     scene.rods, scene.hinges = [RigidBody.rod(1.0, (0, 0, -1)) for _ in range(2)], [Revolute("y") for _ in range(3)]
     scene.connect(scene.world.frame, scene.table.frame_a)
     scene.connect(scene.table.frame_b, scene.plate.frame)
@@ -108,6 +110,20 @@ def test_a_given_motion_that_tears_a_loop_is_told_with_the_time():
     with pytest.raises(errors.SimulationError, match=r"leads out of reach\. At t = 3\.8.*'hinges\[0\]'") as caught:
         ac.build(torn()).simulate(10.0)
     assert abs(caught.value.trajectory.t[-1] - 3.8) < 1e-6
+
+
+@pytest.mark.filterwarnings("ignore::acausal.errors.SingularWarning")
+@pytest.mark.parametrize("pace", [0.5, 50.0])
+@pytest.mark.parametrize(
+    "form", [lambda pace: pace * ac.time, lambda pace: CubicSpline(T := np.linspace(0, 5 / pace, 9), pace * T)]
+)
+def test_an_input_that_tears_a_loop_is_told_with_the_time(form: Callable[[float], Any], pace: float):
+    """At the same place, whatever the motion is given as: 0.3 + 1.6 from where the table begins."""
+    course = ac.Input("m")
+    scene, end = torn(course), 1.9 / pace
+    with pytest.raises(errors.SimulationError, match=r"leads out of reach\. At t = .*'hinges\[0\]'") as caught:
+        ac.build(scene).simulate(5 / pace, inputs={course: form(pace)})
+    assert abs(caught.value.trajectory.t[-1] - end) < 1e-6 * end
 
 
 def four_bar_driven_too_far() -> object:
