@@ -182,7 +182,7 @@ void remember(Integrator *I, const double *masks) {
 Transition last_transition(const Integrator *I) { return I->state->last; }
 
 /* One step, until I->end at most. */
-static enum Code one_step(Integrator *I) {
+static enum Code go_a_step(Integrator *I) {
     double end = I->end;
     if (ends_at_asked(I)) I->end = fmin(end, next_asked(I));
     enum Code code = I->step > 0 ? one_fixed(I) : one_adaptive(I);
@@ -212,7 +212,7 @@ static enum Code run_steps(Integrator *I) {
         }
         I->end = stop;
         int there = arrives(I, stop);
-        enum Code code = there ? REACHED_END : one_step(I);
+        enum Code code = there ? REACHED_END : go_a_step(I);
         I->end = end;
         if (code == REACHED_END && I->guards && !there) code = watch(I);
         if (code == REACHED_END && stop < end && I->t >= stop) {

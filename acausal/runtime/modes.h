@@ -1137,7 +1137,7 @@ static int stay_beside(Integrator *I, Decision *D, Room R) {
         if (!R.touching[i] || D->terms[i] < 0 || is_speed(D, i) || !(fabs(D->rate[i] - back) <= noise)) continue;
         R.law[i] = HOLDS;
         R.push[i] = 1, R.floor[i] = back;
-        found |= back == 0;
+        found |= back == 0 && fabs(D->rate[i]) > D->rate_noise[i] / ROUNDINGS; /* a rounding of its own parts it by no more than gaps are rounded */
     }
     if (!found) return 1;
     for (int again = 0; again < 2; again++) { /* the first ones are rounded as large as they are */
