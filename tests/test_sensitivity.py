@@ -10,6 +10,7 @@ import pytest
 
 import acausal as ac
 from acausal.errors import OptionError, SimulationError, SingularWarning, StartValueError
+from acausal.runtime.native import Outcome, Run
 from components import (
     Force,
     ForceSource,
@@ -203,6 +204,24 @@ def test_loops_stay_closed_by_their_derivatives_at_however_many_times_these_are_
     for k in (3, 50, 77, 131):
         alone = model.sensitivities([0.0, times[k]], wanted, start, rtol=1e-10).S[1]
         assert np.max(np.abs(found.S[k] - alone)) < 1e-8 * np.max(np.abs(alone))
+
+
+@pytest.mark.parametrize("make", [Oscillator, AdjustableFourBar])
+def test_asking_often_makes_no_step_more(make, monkeypatch):
+    scene, steps = make(), list[int]()
+    model, advance = ac.build(scene), Run.advance
+
+    def counted(run: Run, end: float) -> Outcome:
+        found = advance(run, end)
+        steps.append(run.core.steps)
+        return found
+
+    monkeypatch.setattr(Run, "advance", counted)
+    start = {scene.rail.q: 0.3, scene.rail.v: 0.5} if make is Oscillator else {scene.a.q: 1.0, scene.a.v: 2.0}
+    for times in ([0.0, 5.0], np.linspace(0, 5, 500)):
+        model.sensitivities(times, [scene.mass, *start], start, rtol=1e-9)
+    few, many = steps  # one call for all times
+    assert 10 < many == few
 
 
 def test_stiff_motion_goes_on_with_radau():

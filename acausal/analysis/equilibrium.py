@@ -231,9 +231,9 @@ class _Elsewhere:
 
     def words(self, at: OperatingPoint) -> str:
         """What is wrong there; empty where nothing is."""
-        border = self._functions.beyond(at.t, at.x, at.u, at.p, EDGE)
-        if border is not None:
-            return f"where {border.who} has no meaning. {border.why}"
+        beyond = self._functions.beyond(at.t, at.x, at.u, at.p, EDGE)
+        if beyond is not None:
+            return f"where {beyond[0].who} has no meaning. {beyond[0].why}"
         for rows, sign in zip(self._hinges, self._signs([at.t, at.x, at.u, at.p]) if self._hinges else (), strict=True):
             if not np.all(np.array(sign) > EDGE):
                 return (

@@ -6,8 +6,10 @@ numbers without unit, and say how far a decision is from being another one.
 
 from __future__ import annotations
 
+import contextlib
 import functools
 import threading
+from collections.abc import Generator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -33,6 +35,16 @@ _ALONG = 0.7
 """How far a configuration may be from the nearest place of a walk that came by: two strides."""
 _NEXT = 0.1
 """How far a singular position may be from a state that is said to be next to it: rad, or sizes of the loop."""
+
+
+@contextlib.contextmanager
+def _at_time(walk: Walk, time: float) -> Generator[Walk]:
+    """A walk, which others use at its own time, at another one."""
+    before, walk.time = walk.time, time
+    try:
+        yield walk
+    finally:
+        walk.time = before
 
 
 @dataclass(frozen=True)
@@ -133,23 +145,16 @@ class Examined:
         """
         if not (np.isfinite(q).all() and np.isfinite(ahead).all()):
             return None
-        with self.lock:
-            walk = self._walk(values)
-            before, walk.time = walk.time, time
+        with self.lock, _at_time(self._walk(values), time) as walk:
             near = crossing_near(walk, q / walk.unit, self.scale, self.rank.kept, _NEXT)
-            walk.time = before
         return None if near is None else near.missed(q / walk.unit, ahead / walk.unit)
 
     def stopped(self, q: np.ndarray, time: float, values: np.ndarray) -> bool:
         """Whether more is free at a configuration (nq,) with closed loops than can move, there and wherever it leads to."""
         if self.walk is None or not self.singular:
             return False
-        with self.lock:
-            walk = self._walk(values)
-            before, walk.time = walk.time, time
-            found = held_to_second_order(walk, q / walk.unit, self.scale)
-            walk.time = before
-        return found
+        with self.lock, _at_time(self._walk(values), time) as walk:
+            return held_to_second_order(walk, q / walk.unit, self.scale)
 
     def margin(self, q: np.ndarray, time: float, values: np.ndarray) -> Margin:
         """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,); as it was found before."""
@@ -161,9 +166,8 @@ class Examined:
             scale = positive(np.where(walk.empty, np.max(self.scale), self.scale))  # 1 where all are empty
             if self.timed and time != walk.time and walk.empty.any():  # what is empty now may not be then
                 walk = Walk(walk.symbolic, values, q, time)
-            before, walk.time = walk.time, time
-            A = walk.at(q / walk.unit)[2] / scale[:, None]
-            walk.time = before
+            with _at_time(walk, time):
+                A = walk.at(q / walk.unit)[2] / scale[:, None]
             if len(self._margins) >= _KEPT:
                 self._margins.clear()
             found = self._margins[key] = self._margin(A, walk, float(np.max(walk.noise / scale, initial=0.0)))

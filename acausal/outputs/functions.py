@@ -412,13 +412,16 @@ class Functions:
         """(t, x, u, p) -> values of all `borders`, positive inside."""
         return self.output(ca.vertcat(ca.SX(0, 1), *(border.values for border in self.borders)), name="inside")
 
-    def beyond(self, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, near: float = 0.0) -> Border | None:
-        """A border that a state (nx,) is on, as `near` as this, or beyond, with inputs u (nu,), or those that are no masks of modes; None inside all."""
+    def beyond(
+        self, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray, near: float = 0.0
+    ) -> tuple[Border, np.ndarray] | None:
+        """The first border that a state (nx,) is on, as `near` as this, or beyond, with inputs u (nu,), or those that are no masks of modes, and its values there; None inside all."""
         if not self.borders:
             return None
         given = np.append(u, np.zeros(self.inside.size1_in(2) - u.size))
-        outside = ~(np.array(self.inside(t, x, given, p))[:, 0] > near)
-        return self.border_of(int(np.argmax(outside))) if outside.any() else None
+        values = np.array(self.inside(t, x, given, p))[:, 0]
+        each = np.split(values, np.cumsum([border.values.numel() for border in self.borders])[:-1])
+        return next(((border, own) for border, own in zip(self.borders, each, strict=True) if not np.all(own > near)), None)
 
     def border_of(self, row: int) -> Border:
         """The one that a row of `inside` belongs to."""

@@ -220,7 +220,7 @@ static enum Code run_steps(Integrator *I) {
         }
         if (code == REACHED_END && !I->block) code = decide_here(I);
         if (code != REACHED_END) return code;
-        give_here(I);
+        give_until(I, I->t + at_once(I));
         if ((I->slice == 0 || now() > deadline) && I->t < I->end) return PAUSED;
     }
     return REACHED_END;
@@ -233,7 +233,7 @@ int advance(Integrator *I) {
     do {
         if (changes_modes(I)) I->end = fmin(end, next_asked(I));
         code = run_steps(I);
-        if (code == REACHED_END) give_here(I);
+        if (code == REACHED_END) give_until(I, I->end);
     } while (code == REACHED_END && I->end < end);
     I->end = end;
     give_directions(I);

@@ -9,10 +9,11 @@ static double at_once(const Integrator *I);
 /* The next time that is asked for; infinite where there is none. */
 static double next_asked(const Integrator *I) { return I->given < I->asked ? I->asked_t[I->given] : INFINITY; }
 
-/* Room for directions inside of steps. 0 when memory is short. */
+/* Room for what is inside of steps. 0 when memory is short. */
 static int make_asked(Integrator *I) {
     struct State *T = I->state;
     if (!I->asked || !I->fine) return 1;
+    if (!fine_stages(I, I->fine)) return 0;
     long s = I->fine->stages;
     T->D_inside = reserve_lanes(I, s * I->nx);
     T->D_series = reserve_lanes(I, s * I->nx);
@@ -33,26 +34,21 @@ static void give_discrete(Integrator *I, long number) {
     if (I->discretes) memcpy(I->asked_discrete + number * I->directions * I->discretes, I->state->discrete_change, sizeof(double) * (size_t)(I->directions * I->discretes));
 }
 
-/* What is asked for of the time that the motion has come to, or that a knot has been crossed at. */
-static void give_here(Integrator *I) {
+/* What is asked for until a time, as it is where the motion has come to. */
+static void give_until(Integrator *I, double time) {
     struct State *T = I->state;
-    for (; next_asked(I) <= I->t + at_once(I); I->given++) {
+    for (; next_asked(I) <= time; I->given++) {
         memcpy(I->asked_x + I->given * I->nx, I->x, sizeof(double) * (size_t)I->nx);
         for (long b = 0; b < direction_blocks(I); b++) give_block(I, I->given, b, T->D + b * I->nx);
         give_discrete(I, I->given);
     }
 }
 
-/* Whether a step, of that method and so solved, tells of what is inside. */
-static int tells_inside(const Integrator *I, const Stages *S) {
-    const struct State *T = I->state;
-    return I->fine && I->step == 0 && !T->newton_now && S->method->kind == GAUSS && S->s > 2 && !S->around && !S->exact && T->part == 0;
-}
+/* Whether no step tells of what is inside, as far as it is known before it. */
+static int ends_at_asked(const Integrator *I) { return I->step > 0 || I->state->newton_now || I->method_list[I->method].kind == RADAU; }
 
-/* The same as far as it is known before the step. */
-static int ends_at_asked(const Integrator *I) {
-    return I->directions && (I->step > 0 || I->state->newton_now || I->method_list[I->method].kind == RADAU);
-}
+/* Whether one that has been solved does. */
+static int tells_inside(const Integrator *I, const Stages *S) { return I->fine && !ends_at_asked(I) && S->s > 2 && !S->around && !S->exact && I->state->part == 0; }
 
 /* Directions of a block at so many times that are asked for, from a step that begins with them and has been refined on F. Returns 0 where they do not converge. */
 static int give_inside(Integrator *I, const Stages *S, Stages *F, double h, long block, long count) {
@@ -63,21 +59,14 @@ static int give_inside(Integrator *I, const Stages *S, Stages *F, double h, long
     coefficients_of_variation(S, n, T->D_rates + block * s * n, a);
     for (long j = 0; j < F->s; j++) {
         legendre_values(F->method->c[j], s, P);
-        for (long i = 0; i < n; i++) {
-            V sum = v_all(0.0);
-            for (long q = s - 1; q >= 0; q--) sum = v_fma(v_all(P[q]), a[q * n + i], sum);
-            K[j * n + i] = sum;
-        }
+        weigh(P, a, s, n, K + j * n);
     }
     if (!solve_variation(I, F, h, block, K)) return 0;
     coefficients_of_variation(F, n, K, a);
     for (long m = I->given; m < I->given + count; m++) {
         legendre_integrals((I->asked_t[m] - I->t) / h, F->s, P, Q);
-        for (long i = 0; i < n; i++) {
-            V sum = v_all(0.0);
-            for (long q = F->s - 1; q >= 0; q--) sum = v_fma(v_all(Q[q]), a[q * n + i], sum);
-            T->D_there[i] = v_fma(v_all(h), sum, D[i]);
-        }
+        weigh(Q, a, F->s, n, T->D_there);
+        for (long i = 0; i < n; i++) T->D_there[i] = v_fma(v_all(h), T->D_there[i], D[i]);
         if (I->ng) project_block(I, I->asked_t[m], I->asked_x + m * n, block, T->D_there);
         give_block(I, m, block, T->D_there);
     }
@@ -92,7 +81,6 @@ static int tell_inside(Integrator *I, const Stages *S, double h) {
     while (I->given + count < I->asked && I->asked_t[I->given + count] < end) count++;
     if (!count) return 1;
     if (count < WORTH_REFINING || !tells_inside(I, S)) return 0;
-    if (!fine_stages(I, I->fine)) return -1;
     Stages *F = T->fine;
     double part = T->part, reach = T->reach;
     Inside step = {I->t, h, I->x, S->a, S->s, S->blocks * LANES, T->size, T->side};

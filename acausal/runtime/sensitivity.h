@@ -168,6 +168,15 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block, V *K)
     }
 }
 
+/* The sum of so many rows of a (count, n), each times its weight, into `out` (n). */
+static void weigh(const double *weight, const V *a, long count, long n, V *out) {
+    for (long i = 0; i < n; i++) {
+        V sum = v_all(0.0);
+        for (long k = 0; k < count; k++) sum = v_fma(v_all(weight[k]), a[k * n + i], sum);
+        out[i] = sum;
+    }
+}
+
 /* Rates of all directions over the step whose stages are in S. Returns 0 when some do not converge. */
 static int solve_variations(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
@@ -182,11 +191,7 @@ static int solve_variations(Integrator *I, Stages *S, double h) {
                 continue;
             }
             legendre_values(1 + S->method->c[j] * ratio, s, P);
-            for (long i = 0; i < n; i++) {
-                V sum = v_all(0.0);
-                for (long k = 0; k < T->terms && k < s; k++) sum = v_fma(v_all(P[k]), a[k * n + i], sum);
-                K[j * n + i] = sum;
-            }
+            weigh(P, a, T->terms < s ? T->terms : s, n, K + j * n);
         }
         if (!solve_variation(I, S, h, b, K)) return 0;
     }
@@ -195,13 +200,7 @@ static int solve_variations(Integrator *I, Stages *S, double h) {
 
 /* Legendre coefficients (s, n) of the rates K (s, n) of one block of directions. */
 static void coefficients_of_variation(const Stages *S, long n, const V *K, V *a) {
-    long s = S->s;
-    for (long i = 0; i < n; i++)
-        for (long k = 0; k < s; k++) {
-            V sum = v_all(0.0);
-            for (long j = 0; j < s; j++) sum = v_fma(v_all(S->method->to_legendre[k * s + j]), K[j * n + i], sum);
-            a[k * n + i] = sum;
-        }
+    for (long k = 0; k < S->s; k++) weigh(S->method->to_legendre + k * S->s, K, S->s, n, a + k * n);
 }
 
 /* Sizes (n) of one block of directions, what this step moves them by included. */

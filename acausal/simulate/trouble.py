@@ -131,12 +131,12 @@ def _dependent_rows(functions: Functions, run: Trajectory, k: int, scale: np.nda
 
 def check_inside(functions: Functions, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> None:
     """Raises `StartValueError` for a part that begins where it has no meaning."""
-    border = functions.beyond(t, x, u, p)
-    if border is not None:
-        inside = functions.inside
-        values = np.array(inside(t, x, np.append(u, np.zeros(inside.size1_in(2) - u.size)), p))[:, 0]
-        why = border.told(values[[functions.border_of(row) is border for row in range(values.size)]])
-        raise StartValueError(f"{border.who} has no meaning at the start{_at(functions, border, t, x, u, p)}. {why}")
+    found = functions.beyond(t, x, u, p)
+    if found is not None:
+        border, values = found
+        raise StartValueError(
+            f"{border.who} has no meaning at the start{_at(functions, border, t, x, u, p)}. {border.told(values)}"
+        )
 
 
 def check_inside_all(functions: Functions, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> None:
