@@ -19,13 +19,17 @@ from numpy.typing import NDArray
 
 import acausal as ac
 from acausal.emit.compiler import cached_library, compiler
+from acausal.emit.emit import Source, translation_units
 from acausal.emit.library import SOURCES
+from acausal.emit.program_source import emit_program
 from acausal.emit.statements import BINARY, UNARY
 from acausal.errors import ExportError
 from acausal.runtime import native as problems
 from acausal.runtime.kernels import Compilation, How, Kernel, Kernels, Wanted
+from acausal.runtime.kernels import interpreted as as_program
 from acausal.runtime.load import Runtime, runtime
 from acausal.runtime.native import NativeProblem
+from components import Coulomb, PointOnPlane, RigidBody, World
 from tests.scenes import FourBar, Pendulum, chain
 
 Array = NDArray[np.float64]
@@ -73,10 +77,12 @@ def _room(values: int, lanes: int) -> Array:
     return whole[first : first + values * lanes].reshape(values, lanes)
 
 
-def kernel_values(kernel: Kernel, points: Array, library: Runtime) -> Array:
-    """Results (outputs, n) at points (inputs, n), as the runtime runs kernels."""
+def kernel_values(kernel: Kernel, points: Array, library: Runtime, *, of_program: bool = False) -> Array:
+    """Results (outputs, n) at points (inputs, n), as the runtime runs kernels. `of_program`: the work is done in the frame of a program."""
     lanes, n = library.lanes, points.shape[1]
     x, c, y, w = (_room(size, lanes) for size in (kernel.inputs, kernel.constants, kernel.outputs, kernel.work))
+    if of_program:
+        w = c
     found = np.empty((kernel.outputs, n))
     for k in range(0, n, lanes):
         part = points[:, k : k + lanes]
@@ -123,6 +129,43 @@ def test_powers_and_merged_operations_have_the_bits_of_compiled_code(library: Ru
     forms += [X**k for k in (-2.5, -1, -0.5, 0.5, 1.5, 3, 8, 9, 0.3)] + [ca.sin(X) * ca.cos(X) + X, ca.cos(X), ca.SX(2.5), X]
     wanted = [Wanted(f"f{k}", ca.Function("f", [X, Y, z, w], [ca.vertcat(form, X)])) for k, form in enumerate(forms)]
     _same(wanted, np.random.default_rng(2).normal(0, 2, (4, 64)), library)
+
+
+def _all_at_once() -> Wanted:
+    """Every operation, on values that are needed long before and after, and systems whose answers others need."""
+    values = [ca.SX.sym(f"x{k}") for k in range(6)]
+    p = ca.SX.sym("p", 2)
+    random = np.random.default_rng(5)
+    for code in (*UNARY, *BINARY, *BINARY):
+        one, other = (values[random.integers(len(values))] for _ in range(2))
+        values.append(ca.SX.unary(code, one) if code in UNARY else ca.SX.binary(code, one, other) * p[0] + values[-1])
+    return Wanted("all", ca.Function("f", [ca.vertcat(*values[:6]), p], [ca.vertcat(*values, ca.sin(p[1]))]), (1,))
+
+
+@pytest.mark.parametrize("chunk", [20, 400])
+def test_c_of_programs_has_the_bits_of_the_interpreter(chunk: int, library: Runtime) -> None:
+    """However it is cut: every operation, and the systems of a box that slides on two feet."""
+    scene = ac.System()
+    scene.world, scene.box = World(), RigidBody.box(2.0, (0.4, 0.3, 0.2))
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(0.3)) for _ in range(2)]
+    for k, foot in enumerate(scene.feet):
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((0.2 - 0.4 * k, 0, -0.1)))
+    rates = ac.build(scene).functions.integrand.wanted[0]
+    command = compiler()
+    assert command is not None
+    for wanted in (_all_at_once(), rates):
+        made = as_program(wanted.function, wanted.name, library.lanes, parameters=wanted.parameters)
+        source = Source("f", tuple(emit_program(made.program.run, "f", library.lanes, chunk=chunk)), 0, 0, 0, 0)
+        key = hashlib.sha256("".join(source.pieces).encode()).hexdigest()
+        path = cached_library(key, translation_units([source], 1), command=command, options=library.options)
+        kernel = Kernel.from_buffer_copy(made.kernel)
+        kernel.run = ctypes.cast(ctypes.CDLL(str(path)).f, ctypes.c_void_p).value
+        points = np.random.default_rng(6).normal(0, 1, (kernel.inputs, 8 * library.lanes))
+        points[::2] = np.round(points[::2])  # masks are whole numbers, but for some
+        one, other = kernel_values(made.kernel, points, library), kernel_values(kernel, points, library, of_program=True)
+        assert np.array_equal(_bits(one), _bits(other))
+        assert np.isfinite(one).any()
 
 
 def test_what_depends_on_parameters_only_is_prepared(library: Runtime) -> None:

@@ -1,7 +1,8 @@
-"""Programs that are made for modes which last: the same bits as what serves all modes."""
+"""Programs that are made for modes which last, and those compiled: the same bits as what serves all modes."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 
@@ -9,6 +10,9 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.emit.compiler import compiler
+from acausal.runtime import lasting
+from acausal.runtime import native as natives
 from acausal.runtime.kernels import How
 from acausal.runtime.native import native_problem
 from components import Coulomb, Particle, Planar, PointOnPlane, PrescribedMotion, RigidBody, World
@@ -41,6 +45,12 @@ def _sliding() -> tuple[ac.System, Start, float]:
     return scene, {frame.position: (0, 0, 0.2), frame.velocity: (1, 0, 0), frame.angular_velocity: (0.5, 0.2, 1)}, 0.7
 
 
+def _falling() -> tuple[ac.System, Start, float]:
+    """A box that turns, and never comes down."""
+    scene, start, _ = _sliding()
+    return scene, start | {scene.box.frame.position: (0, 0, 1e4)}, 40.0
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("make", [_rocking, _sliding])
 def test_programs_for_a_mode_give_the_bits_of_those_for_all(
@@ -60,6 +70,31 @@ def test_programs_for_a_mode_give_the_bits_of_those_for_all(
     assert np.array_equal(found[0].solution.x, found[1].solution.x)
     between = np.linspace(0, end, 301)  # steps are refined there, in the modes that they had
     assert np.array_equal(found[0].solution.dense(between), found[1].solution.dense(between))
+
+
+@pytest.mark.parametrize(("make", "how", "runs"), [(_rocking, How.INTERPRETED, 2), (_falling, How.COMPILED, 4)])
+def test_compiled_programs_of_modes_take_over_unseen(
+    make: Callable[[], tuple[ac.System, Start, float]], how: How, runs: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the middle of a run, and from one run to the next: not a bit changes, whoever carries out what serves all modes."""
+    scene, start, end = make()
+    model = ac.build(scene)
+    native = native_problem(model.functions.integrand, how)
+    assert native is not None
+    monkeypatch.setitem(model.functions._native._kept, How.AUTO, native)
+    alone = model.simulate(end, start, rtol=1e-9, max_step=0.02)
+    monkeypatch.setattr(natives, "_SLICE", 1e-4)
+    monkeypatch.setattr(lasting, "in_background", lambda work, _: work())
+    native.template.cache_clear()  # slices stand in it
+    native.lasting = lasting.LastingModes(native.runtime, compiler())
+    native.lasting.worth = 1e-4
+    for _ in range(runs):
+        run = model.simulate(end, start, rtol=1e-9, max_step=0.02)
+        assert np.array_equal(run.solution.t, alone.solution.t)
+        assert np.array_equal(run.solution.x, alone.solution.x)
+    jobs = native.lasting._work.jobs.values()
+    assert jobs and all(job.function is not None for job in jobs)
+    assert native.compiling(0.0, math.inf) > 0 and not native.busy
 
 
 def test_programs_of_one_mode_leave_the_numbers_of_others_alone() -> None:

@@ -16,10 +16,13 @@ import casadi as ca
 from acausal.emit.statements import ANSWER, LEAVES, SYSTEM, Statements, statements
 from acausal.numerics import staged
 
-EMITTER = (Path(__file__), Path(__file__).with_name("statements.py"), Path(staged.__file__))
+EMITTER = (
+    *(Path(__file__).with_name(f"{name}.py") for name in ("emit", "statements", "program", "program_source")),
+    Path(staged.__file__),
+)
 """The files that make C: whoever keeps it depends on their content."""
 
-_UNARY = {
+UNARY = {
     ca.OP_NEG: "-{0}",
     ca.OP_SQ: "{0} * {0}",
     ca.OP_TWICE: "{0} + {0}",
@@ -35,7 +38,7 @@ _UNARY = {
         "floor", "ceil", "erf", "erfinv", "log1p", "expm1",
     )
 }  # fmt: skip
-_BINARY = {
+BINARY = {
     ca.OP_ADD: "{0} + {1}",
     ca.OP_SUB: "{0} - {1}",
     ca.OP_MUL: "{0} * {1}",
@@ -52,8 +55,8 @@ _BINARY = {
     getattr(ca, f"OP_{name.upper()}"): f"v_{name}({{0}}, {{1}})"
     for name in ("fmin", "fmax", "fmod", "remainder", "copysign", "atan2", "hypot")
 }
-_ARGUMENTS = "(const V *restrict in, const V *restrict c, V *restrict out, V *restrict w)"
-_CHUNK = 400
+ARGUMENTS = "(const V *restrict in, const V *restrict c, V *restrict out, V *restrict w)"
+CHUNK = 400
 """Statements in one C function: compilers take more than linear time in this."""
 
 
@@ -74,7 +77,7 @@ class Source:
     work: int
 
 
-def emit(function: staged.Function, name: str, *, parameters: tuple[int, ...] = (), chunk: int = _CHUNK) -> Source:
+def emit(function: staged.Function, name: str, *, parameters: tuple[int, ...] = (), chunk: int = CHUNK) -> Source:
     """C of an `SX` function. `parameters`: numbers of the arguments that seldom change; what depends on them only is computed once.
 
     Raises `ExportError` for an operation that has no C, and for functions that cannot be expanded to `SX`.
@@ -102,7 +105,7 @@ def translation_units(sources: Sequence[Source], parts: int) -> list[str]:
     return ["".join(unit) for unit in units]
 
 
-def _literal(number: float) -> str:
+def literal(number: float) -> str:
     if math.isfinite(number):
         return f"v_all({number.hex()})"
     return 'v_all(__builtin_nan(""))' if math.isnan(number) else f"v_all({'-' if number < 0 else ''}__builtin_inf())"
@@ -132,13 +135,13 @@ def _body(
             size += found.systems[values[i].place].room
     pieces: list[str] = []
     for k, part in enumerate(chunks):
-        title = f"HIDDEN void {name}_{k}{_ARGUMENTS}" if len(chunks) > 1 else f"EXPORT void {name}{_ARGUMENTS}"
+        title = f"HIDDEN void {name}_{k}{ARGUMENTS}" if len(chunks) > 1 else f"EXPORT void {name}{ARGUMENTS}"
         body = _lines(found, part, k, slots, work, rooms, last, writes[k])
         pieces.append("".join([f"{title} {{\n(void)in; (void)c; (void)out; (void)w;\n", *body, "}\n"]))
     if len(chunks) > 1:
-        declared = "".join(f"HIDDEN void {name}_{k}{_ARGUMENTS};\n" for k in range(len(chunks)))
+        declared = "".join(f"HIDDEN void {name}_{k}{ARGUMENTS};\n" for k in range(len(chunks)))
         calls = "".join(f"{name}_{k}(in, c, out, w);\n" for k in range(len(chunks)))
-        pieces.append(f"{declared}EXPORT void {name}{_ARGUMENTS} {{\n{calls}}}\n")
+        pieces.append(f"{declared}EXPORT void {name}{ARGUMENTS} {{\n{calls}}}\n")
     return pieces, size
 
 
@@ -180,7 +183,7 @@ def _lines(
         if known is None:
             value = values[i]
             if value.code == ca.OP_CONST:
-                return _literal(value.number)
+                return literal(value.number)
             known = f"x{i}"
             if value.code == ca.OP_INPUT:
                 lines.append(f"const V {known} = in[{value.place}];\n")
@@ -216,7 +219,7 @@ def _lines(
                 lines.append(f"V x{sine}, x{cosine}; v_sincos({arguments[0]}, &x{sine}, &x{cosine});\n")
                 loaded[sine], loaded[cosine] = f"x{sine}", f"x{cosine}"
             else:
-                lines.append(f"const V x{i} = {(_UNARY.get(value.code) or _BINARY[value.code]).format(*arguments)};\n")
+                lines.append(f"const V x{i} = {(UNARY.get(value.code) or BINARY[value.code]).format(*arguments)};\n")
                 loaded[i] = f"x{i}"
         if last.get(i, -1) > here:
             lines.append(f"w[{work[i]}] = x{i};\n")

@@ -11,21 +11,22 @@ from typing import Any, NamedTuple
 import casadi as ca
 import numpy as np
 
-from acausal.emit.statements import ANSWER, BINARY, LEAVES, SYSTEM, UNARY, Statements, Value, statements
+from acausal.emit.statements import ANSWER, BINARY, LEAVES, UNARY, Statements, Value, statements
+from acausal.emit.statements import SYSTEM as SYSTEM_VALUE
 from acausal.numerics.staged import Function, LinearSystem
 
-_END, _LOAD, _STORE, NUMBER, _SINCOS = range(5)
-_CODES = {code: k for k, code in enumerate((*UNARY, *BINARY), 5)}
-_MUL_ADD, _MUL_SUB, _SUB_MUL, _MUL_MUL, _MOVE, _SYSTEM = range(5 + len(_CODES), 11 + len(_CODES))
-_WIDTH = 5
-_NOTHING = (0,) * _WIDTH
+END, LOAD, STORE, NUMBER, SINCOS = range(5)
+CODES = {code: k for k, code in enumerate((*UNARY, *BINARY), 5)}
+MUL_ADD, MUL_SUB, SUB_MUL, MUL_MUL, MOVE, SYSTEM = range(5 + len(CODES), 11 + len(CODES))
+WIDTH = 5
+_NOTHING = (0,) * WIDTH
 _PRODUCTS = (ca.OP_MUL, ca.OP_SQ)
 _TURNS = (ca.OP_SIN, ca.OP_COS)
-_SUMS = {ca.OP_ADD: (_MUL_ADD, _MUL_ADD), ca.OP_MUL: (_MUL_MUL, _MUL_MUL), ca.OP_SUB: (_MUL_SUB, _SUB_MUL)}
+_SUMS = {ca.OP_ADD: (MUL_ADD, MUL_ADD), ca.OP_MUL: (MUL_MUL, MUL_MUL), ca.OP_SUB: (MUL_SUB, SUB_MUL)}
 """operation -> what it is of a product and another value, of another value and a product"""
 
 _Row = tuple[int, ...]
-"""A statement: `_WIDTH` integers."""
+"""A statement: `WIDTH` integers."""
 
 
 @dataclass(frozen=True)
@@ -67,10 +68,10 @@ def program(function: Function, name: str, lanes: int, *, parameters: tuple[int,
     rare, end = _placed(_steps(found, found.rare, lasting, ()), lasting, rooms)
     often, end_often = _placed(_steps(found, found.often, lasting, found.results), lasting, rooms)
     literals = [_number(lasting[v], found.values[v]) for v in numbers]
-    settled = [_row(_MOVE, slot, lasting[v]) for v in numbers for slot in rooms.slots.get(v, ())]
+    settled = [_row(MOVE, slot, lasting[v]) for v in numbers for slot in rooms.slots.get(v, ())]
     return Program(
-        _scaled([*literals, *rare, *settled, _row(_END)], lanes),
-        _scaled([*often, _row(_END)], lanes),
+        _scaled([*literals, *rare, *settled, _row(END)], lanes),
+        _scaled([*often, _row(END)], lanes),
         found.inputs,
         found.outputs,
         max(end, end_often),
@@ -93,7 +94,7 @@ class _Rooms:
         slots: dict[int, list[int]] = {}
         at = len(lasting)
         for value in found.values:
-            if value.code == SYSTEM:
+            if value.code == SYSTEM_VALUE:
                 for k, v in enumerate(value.args):
                     slots.setdefault(v, []).append(at + k)
                 first.append(at)
@@ -125,11 +126,11 @@ def _steps(found: Statements, order: Sequence[int], lasting: dict[int, int], res
     made = set(lasting)
 
     def stores(v: int) -> None:
-        steps.extend(_Step(_STORE, (), (v,), place) for place in outputs[v])
+        steps.extend(_Step(STORE, (), (v,), place) for place in outputs[v])
 
     def bring(v: int) -> None:
         made.add(v)
-        steps.append(_Step(_LOAD, (v,), (), values[v].place))
+        steps.append(_Step(LOAD, (v,), (), values[v].place))
         if v in outputs:
             stores(v)
 
@@ -147,14 +148,14 @@ def _steps(found: Statements, order: Sequence[int], lasting: dict[int, int], res
             steps.append(_Step(ANSWER, (i,), (), value.place))
             made.add(i)
             for place in outputs.get(i, ()):
-                steps.append(_Step(_STORE, (), (i,), place))
+                steps.append(_Step(STORE, (), (i,), place))
             continue
-        code, of, to = _SYSTEM if value.code == SYSTEM else _CODES[value.code], value.args, (i,)
+        code, of, to = SYSTEM if value.code == SYSTEM_VALUE else CODES[value.code], value.args, (i,)
         if i in into:
             product, (code, rest) = into[i]
             of = (*_factors(values[product]), rest)
         elif value.code in _TURNS and value.args[0] in pairs:
-            code, to = _SINCOS, pairs[value.args[0]]
+            code, to = SINCOS, pairs[value.args[0]]
         for a in of:
             if a not in made:
                 bring(a)
@@ -211,10 +212,10 @@ def _placed(steps: list[_Step], lasting: dict[int, int], rooms: _Rooms) -> tuple
     system = -1
     rows: list[_Row] = []
     for k, (code, to, of, where) in enumerate(steps):
-        if code == _SYSTEM:
+        if code == SYSTEM:
             system = where
             shape = rooms.shapes[system]
-            rows.append(_row(_SYSTEM, rooms.first[system], shape.rows, shape.columns, int(shape.damped)))
+            rows.append(_row(SYSTEM, rooms.first[system], shape.rows, shape.columns, int(shape.damped)))
             continue
         if code == ANSWER:
             place[to[0]] = rooms.answer(system, where)
@@ -234,19 +235,19 @@ def _placed(steps: list[_Step], lasting: dict[int, int], rooms: _Rooms) -> tuple
                 else:
                     place[v] = size
                     size += 1
-        if code == _LOAD:
-            rows.append(_row(_LOAD, place[to[0]], where))
-        elif code == _STORE:
-            rows.append(_row(_STORE, where, operands[0]))
-        elif code == _SINCOS:
-            rows.append(_row(_SINCOS, place[to[0]], operands[0], place[to[1]]))
+        if code == LOAD:
+            rows.append(_row(LOAD, place[to[0]], where))
+        elif code == STORE:
+            rows.append(_row(STORE, where, operands[0]))
+        elif code == SINCOS:
+            rows.append(_row(SINCOS, place[to[0]], operands[0], place[to[1]]))
         else:
             rows.append(_row(code, place[to[0]], *operands))
         for v in to:
             if last[v] == k:
                 free.append(place[v])
             elif v in slots:
-                rows += [_row(_MOVE, slot, place[v]) for slot in slots[v] if slot != place[v]]
+                rows += [_row(MOVE, slot, place[v]) for slot in slots[v] if slot != place[v]]
     return rows, size
 
 
@@ -260,7 +261,7 @@ def _number(place: int, value: Value) -> _Row:
 
 def _scaled(rows: Sequence[_Row], lanes: int) -> np.ndarray:
     """Places in bytes."""
-    table = np.fromiter(chain.from_iterable(rows), np.int32, _WIDTH * len(rows)).reshape(-1, _WIDTH)
+    table = np.fromiter(chain.from_iterable(rows), np.int32, WIDTH * len(rows)).reshape(-1, WIDTH)
     table[:, 1] *= 8 * lanes
-    table[(table[:, 0] != NUMBER) & (table[:, 0] != _SYSTEM), 2:] *= 8 * lanes
+    table[(table[:, 0] != NUMBER) & (table[:, 0] != SYSTEM), 2:] *= 8 * lanes
     return table

@@ -32,6 +32,11 @@ WORTH = 0.5
 EvaluateFunction = ctypes.CFUNCTYPE(None, ctypes.c_void_p)
 
 
+def compilation_cost(statements: int) -> float:
+    """Seconds that a compiler takes, about."""
+    return 0.15 + 3e-4 * statements
+
+
 class Kernel(ctypes.Structure):
     """`Kernel` of runtime.h."""
 
@@ -99,7 +104,7 @@ class Kernels:
             programs = [program(w.function, w.name, runtime.lanes, parameters=w.parameters) for w in wanted]
             self._alive += programs
             self.current = [_interpreted(p) for p in programs]
-            self._cost = 0.15 + 3e-4 * sum(p.run.shape[0] for p in programs)
+            self._cost = compilation_cost(sum(p.run.shape[0] for p in programs))
         self._made = begun, time.perf_counter()
 
     def made_between(self, first: float, last: float) -> float:
@@ -153,7 +158,7 @@ class Compilation:
 
     def __init__(self, wanted: tuple[Wanted, ...], command: tuple[str, ...], options: tuple[str, ...] = (NATIVE,)) -> None:
         self._wanted, self._command, self._options = wanted, command, options
-        self._key = hashlib.sha256("\0".join([_sources(), *(w.key for w in wanted)]).encode()).hexdigest()
+        self._key = hashlib.sha256("\0".join([made_with(), *(w.key for w in wanted)]).encode()).hexdigest()
         self._begun: float | None = None
         self._ended: float | None = None
         self.succeeded = self.spoilt = False
@@ -262,7 +267,7 @@ def _kernel(library: ctypes.CDLL, name: str) -> Kernel:
 
 
 @functools.cache
-def _sources() -> str:
+def made_with() -> str:
     """A hash of everything that generated code is made with, this package's emitter included."""
     headers = [sources()[name] for name in ("names.h", "lanes.h", "systems.h", "vector_math.h")]
     return hashlib.sha256(b"\0".join([*headers, *(file.read_bytes() for file in EMITTER)])).hexdigest()

@@ -93,7 +93,12 @@ def _runtime(path: Path, options: tuple[str, ...]) -> Runtime:
         library.dense.argtypes = [pointer, number, pointer, pointer]
         library.project_states.argtypes = [pointer, number, number, number, pointer, number, pointer, pointer, pointer]
         library.columns.argtypes = [pointer, number, number, number, pointer, number, pointer, pointer, pointer, pointer]
-        library.lanes.restype = library.widest.restype = library.integrator_size.restype = number
+        library.lasting_program.argtypes = [pointer, number, ctypes.c_double, pointer]
+        library.take_compiled.argtypes = [pointer, number, pointer]
+        library.take_compiled.restype = None
+        library.lasting_program.restype = library.lanes.restype = library.widest.restype = library.integrator_size.restype = (
+            number
+        )
         library.finish.restype = library.forget_programs.restype = None
         return Runtime(library, library.lanes(), options)
 

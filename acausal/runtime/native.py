@@ -34,6 +34,7 @@ from acausal.collocation.problem import (
     Through,
 )
 from acausal.collocation.tableau import Tableau, refining
+from acausal.emit.compiler import compiler
 from acausal.errors import ExportError, SimulationError
 from acausal.runtime.binding import (
     KERNELS,
@@ -50,6 +51,7 @@ from acausal.runtime.binding import (
 )
 from acausal.runtime.integrand import Integrand
 from acausal.runtime.kernels import How, Interpreted, Kernel, Kernels, Wanted, interpreted, paired
+from acausal.runtime.lasting import LastingModes
 from acausal.runtime.load import Runtime, runtime
 
 _Double, _Long = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
@@ -190,6 +192,7 @@ class NativeProblem:
         self.lanes = runtime.lanes
         self._made: weakref.WeakSet[Kernels] = weakref.WeakSet()
         self.programs = ProgramsOfModes(self.library.forget_programs)
+        self.lasting = LastingModes(runtime, compiler() if how in (How.AUTO, How.COMPILED) else None)
         self.kernels = self._kernels(*integrand.wanted)
         self.nx, self.nu, self.held = (integrand.numbers[name] for name in ("nx", "nu", "held"))
         self._arrays = {
@@ -210,12 +213,14 @@ class NativeProblem:
 
     def compiling(self, first: float, last: float) -> float:
         """Seconds of a stretch of time (`time.perf_counter`) in which kernels were made, or a compiler worked on them in the background."""
-        return sum(k.made_between(first, last) + k.compiled_between(first, last) for k in self._made)
+        return sum(k.made_between(first, last) + k.compiled_between(first, last) for k in self._made) + self.lasting.between(
+            first, last
+        )
 
     @property
     def busy(self) -> bool:
         """Whether a compiler works in the background."""
-        return any(kernels.busy for kernels in self._made)
+        return self.lasting.busy or any(kernels.busy for kernels in self._made)
 
     @functools.lru_cache(maxsize=64)  # noqa: B019  # as long as the problem lives
     def paired(self, wanted: Wanted) -> Interpreted:
@@ -409,6 +414,8 @@ class Run:
         core, kept, parameters = self.core, self.native.programs, self._p.tobytes()
         if self.native.integrand.masks:
             core.programs = kept.taken(parameters)
+            if core.programs:
+                self.native.lasting.look(core.programs)
         try:
             yield
         finally:
@@ -605,6 +612,7 @@ class Run:
             sum(spent(kernels, self.started, now) for kernels, _, _ in self._in_use)
             for spent in (Kernels.made_between, Kernels.compiled_between)
         )
+        worked += self.native.lasting.between(self.started, now)
         modes = self.modes()
         jumps = 0 if modes is None else np.unique(modes.steps[modes.jumped]).size
         statistics = Statistics(

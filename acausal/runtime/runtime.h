@@ -200,6 +200,15 @@ EXPORT void use_newton(Integrator *I);
 EXPORT int exchange(Integrator *I, long which, const Kernel *k);
 EXPORT void finish(Integrator *I);
 EXPORT void forget_programs(struct Programs *P);
+/* The first program from number `from` on that is not compiled, and of which at least so many statements have been carried out: its number, or -1. It is taken
+   compiled from now on, with the same statements: `run(in, c, out, w)`, of which w is its frame. Only while no integration has the programs. */
+struct Lasting {
+    const int *program;
+    long length; /* statements before the last one, which is zero */
+    double spent;
+};
+EXPORT long lasting_program(const struct Programs *P, long from, double spent, struct Lasting *found);
+EXPORT void take_compiled(struct Programs *P, long at, KernelFunction run);
 EXPORT int dense(Integrator *I, long n, const double *t, double *x);
 EXPORT int state_at(Integrator *I, double t, double *x);
 EXPORT int settle_modes(Integrator *I);

@@ -1,18 +1,21 @@
 /* Programs for modes that last. While a mode lasts its masks are numbers, mostly zero and one: then a program is carried out once with these, and what is only multiplied by zero or
    one, and what nobody needs then, is left out. What is left are the same operations on the same numbers: nothing of a motion but signs of zeros tells whether that is done.
-   Programs may be handed on to the next integration with the same parameters. */
+   Programs may be handed on to the next integration with the same parameters, and whoever has them between integrations may compile them. */
 
 #define THIN_CALLS 24   /* of a kernel in a mode, before a program is made for it */
 #define THIN_LONG 20000 /* calls of a compiled kernel, before its program is asked for */
 #define THIN_MODES 64   /* whose programs are kept */
 #define THIN_LEAST 64   /* statements of a program that is worth it */
 #define THIN_GAIN 0.35  /* of the statements of a compiled kernel: so many, interpreted, are no slower */
+#define THIN_COMPILED 0.8 /* the same, where the program is compiled, too */
 
 enum Masked { OF_RATES, OF_ROWS, OF_PROJECTION, OF_JACOBIAN, MASKED };
 
 struct ThinMode {
     int *program[MASKED];
+    KernelFunction run[MASKED]; /* the program compiled, for its frame as work; null as long as it is not */
     long length[MASKED], calls[MASKED], tried[MASKED], known, still; /* still: nothing is corrected */
+    double spent[MASKED]; /* statements carried out, as if all were interpreted */
     signed char *masks; /* 0, 1, -1, or 2: any number */
 };
 
@@ -378,6 +381,19 @@ static int *thinned(const Kernel *k, const V *frame, long first, long masks, con
     return 0;
 }
 
+long lasting_program(const struct Programs *P, long from, double spent, struct Lasting *found) {
+    for (long k = from; k < THIN_MODES * MASKED; k++) {
+        const struct ThinMode *mode = &P->mode[k / MASKED];
+        long which = k % MASKED;
+        if (!mode->program[which] || mode->run[which] || mode->spent[which] < spent) continue;
+        *found = (struct Lasting){mode->program[which], mode->length[which], mode->spent[which]};
+        return k;
+    }
+    return -1;
+}
+
+void take_compiled(struct Programs *P, long at, KernelFunction run) { P->mode[at / MASKED].run[at % MASKED] = run; }
+
 void forget_programs(struct Programs *P) {
     if (!P) return;
     for (long k = 0; k < THIN_MODES; k++)
@@ -450,6 +466,8 @@ static void look_up_mode(const Integrator *I, const V *masks) {
     for (int which = 0; which < MASKED; which++) {
         free(new->program[which]);
         new->program[which] = 0;
+        new->run[which] = 0;
+        new->spent[which] = 0;
         new->length[which] = new->calls[which] = new->tried[which] = 0;
     }
     new->known = 1;
@@ -467,8 +485,8 @@ static int are_those_of_now(const struct Thin *H, const V *masks, long count) {
     return !others && H->now;
 }
 
-/* The program of a kernel for the masks at `in`, the same in all lanes; null: the kernel itself is to be taken. */
-static const int *thin_program(Integrator *I, enum Masked which, const V *in) {
+/* The mode of the masks at `in`, the same in all lanes, if its program is to be carried out; null: the kernel itself is to be taken. */
+static struct ThinMode *thin_mode(Integrator *I, enum Masked which, const V *in) {
     struct Thin *H = I->state->thin;
     long first = 1 + I->nx + (which == OF_PROJECTION ? 0 : I->nu - I->held);
     if (!programs_of(I)) return 0;
@@ -483,8 +501,13 @@ static const int *thin_program(Integrator *I, enum Masked which, const V *in) {
         if (has_whole(I, which)) now->program[which] = thinned(&H->whole[which], H->frame[which], first, I->masks, now->masks, H->length[which], &now->length[which], I->nx, &still);
         if (which == OF_PROJECTION) now->still = still;
     }
-    double part = k->run ? THIN_GAIN : 1;
-    return now->program[which] && (double)now->length[which] < part * (double)H->length[which] ? now->program[which] : 0;
+    if (!now->program[which]) return 0;
+    double length = (double)now->length[which], whole = (double)H->length[which];
+    if (now->run[which]) return now;
+    if (length >= (k->run ? THIN_COMPILED : 1) * whole) return 0;
+    int interpreted = length < (k->run ? THIN_GAIN : 1) * whole;
+    now->spent[which] += interpreted ? length : THIN_GAIN * whole;
+    return interpreted ? now : 0;
 }
 
 /* Whether nothing is corrected in this mode. */
@@ -495,7 +518,9 @@ static int is_still(const Integrator *I) {
 
 /* Results at `in` of a kernel that has masks, if there are any. */
 static void run_masked(Integrator *I, enum Masked which, const V *in, V *c, V *out) {
-    const int *program = I->state->thin ? thin_program(I, which, in) : 0;
-    if (program) interpret(program, in, I->state->thin->frame[which], out);
+    struct Thin *H = I->state->thin;
+    const struct ThinMode *mode = H ? thin_mode(I, which, in) : 0;
+    if (mode && mode->run[which]) mode->run[which](in, H->frame[which], out, H->frame[which]);
+    else if (mode) interpret(mode->program[which], in, H->frame[which], out);
     else run_kernel(kernel_with_masks(I, which), in, c, out, I->state->work);
 }

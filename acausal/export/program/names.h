@@ -17,6 +17,8 @@
 #define exchange simulator_hidden_exchange
 #define finish simulator_hidden_finish
 #define forget_programs simulator_hidden_forget_programs
+#define lasting_program simulator_hidden_lasting_program
+#define take_compiled simulator_hidden_take_compiled
 #define dense simulator_hidden_dense
 #define state_at simulator_hidden_state_at
 #define settle_modes simulator_hidden_settle_modes
