@@ -10,15 +10,28 @@ from collections.abc import Callable
 import acausal as ac
 from acausal.runtime.kernels import How
 
+_RUNS, _SECONDS = 100, 2.0
+"""Runs, and seconds, after which modes that last have been met."""
 
-def compiled(model: ac.Model) -> None:
-    """Wait for the compiled kernels of a model."""
+
+def compiled(model: ac.Model, run: Callable[[], object] | None = None) -> None:
+    """Wait for the compiled kernels of a model, and of the modes that last in a run."""
     native = model.functions.native(How.AUTO)
     assert native is not None
     native.kernels.spent(math.inf)
     while native.busy:
         time.sleep(0.05)
     native.kernels.spent(0.0)
+    if run is not None:
+        worth, native.lasting.worth, begun = native.lasting.worth, 0.01, time.perf_counter()
+        for _ in range(_RUNS):
+            run()
+            if time.perf_counter() - begun > _SECONDS:
+                break
+        while native.busy:
+            time.sleep(0.05)
+        native.lasting.worth = worth
+        run()
 
 
 def median_time(call: Callable[[], object], budget: float = 0.2) -> float:

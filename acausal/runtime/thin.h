@@ -19,19 +19,20 @@ struct ThinMode {
     signed char *masks; /* 0, 1, -1, or 2: any number */
 };
 
-/* Handed on whole: programs need nothing of an integration but frames, which are the same where parameters are. */
+/* Handed on whole, with the frames of programs, which are the same where parameters are. */
 struct Programs {
     struct ThinMode mode[THIN_MODES];
-    long next, calls; /* of kernels */
+    V *frame[MASKED];
+    void *room[MASKED];                 /* where frames stand */
+    long length[MASKED], asked[MASKED]; /* statements of programs for all modes; whether these have been asked for */
+    long next, calls;                   /* of kernels */
 };
 
 struct Thin {
     struct Programs *of; /* those that `now` is one of */
     struct ThinMode *now;
-    long length[MASKED], asked[MASKED]; /* statements of programs for all modes; whether these have been asked for */
-    Kernel whole[MASKED];
-    V *frame[MASKED];
     double *side; /* masks of `now` */
+    V *shown;     /* the same in all lanes */
     signed char *key;
 };
 
@@ -396,8 +397,10 @@ void take_compiled(struct Programs *P, long at, KernelFunction run) { P->mode[at
 
 void forget_programs(struct Programs *P) {
     if (!P) return;
-    for (long k = 0; k < THIN_MODES; k++)
-        for (int which = 0; which < MASKED; which++) free(P->mode[k].program[which]);
+    for (int which = 0; which < MASKED; which++) {
+        for (long k = 0; k < THIN_MODES; k++) free(P->mode[k].program[which]);
+        free(P->room[which]);
+    }
     free(P);
 }
 
@@ -406,7 +409,7 @@ static int make_thin(Integrator *I) {
     struct State *T = I->state;
     if (I->block || I->counted) return 1;
     struct Thin *H = reserve(I, sizeof(struct Thin));
-    if (!H || !(H->key = reserve(I, (size_t)I->masks + 1)) || !(H->side = reserve_doubles(I, I->masks))) return 0;
+    if (!H || !(H->key = reserve(I, (size_t)I->masks + 1)) || !(H->side = reserve_doubles(I, I->masks)) || !(H->shown = reserve_lanes(I, I->masks))) return 0;
     T->thin = H;
     return 1;
 }
@@ -416,25 +419,31 @@ static Kernel *kernel_with_masks(Integrator *I, enum Masked which) {
     return kernels[which];
 }
 
-/* The program for all modes, with its frame; whether there is one that is worth it. */
-static int has_whole(Integrator *I, enum Masked which) {
-    struct Thin *H = I->state->thin;
-    Kernel *k = kernel_with_masks(I, which), *programs[MASKED] = {&I->rhs_program, &I->rows_program, &I->projection_program, &I->jvp_program};
-    if (H->asked[which]) return H->length[which] > 0;
-    H->asked[which] = 1;
+/* The kernel for all modes as a program; null where there is none. */
+static const Kernel *whole_program(Integrator *I, enum Masked which) {
+    const Kernel *k = kernel_with_masks(I, which), *programs[MASKED] = {&I->rhs_program, &I->rows_program, &I->projection_program, &I->jvp_program}, *whole = programs[which];
     if (k->evaluate) return 0;
-    if (!k->program && !programs[which]->program && I->lacking) I->lacking(PROGRAMS + (long)which);
-    H->whole[which] = k->program ? *k : *programs[which];
-    const Kernel *whole = &H->whole[which];
-    long inputs = whole->inputs, fixed = which == OF_PROJECTION ? 1 + I->nx + I->masks : 1 + I->nx + I->nu, length = 0;
-    if (!whole->program || whole->twofold) return 0;
+    if (k->program) whole = k;
+    else if (!whole->program && I->lacking) I->lacking(PROGRAMS + (long)which);
+    return whole->program && !whole->twofold ? whole : 0;
+}
+
+/* The frame of a program for all modes; whether there is one that is worth it. */
+static int has_frame(Integrator *I, enum Masked which) {
+    struct Programs *P = I->programs;
+    if (P->asked[which]) return P->length[which] > 0;
+    P->asked[which] = 1;
+    const Kernel *whole = whole_program(I, which);
+    long length = 0, fixed = which == OF_PROJECTION ? 1 + I->nx + I->masks : 1 + I->nx + I->nu;
+    if (!whole) return 0;
     while (whole->program[WIDTH * length] != OP_END) length++;
-    V *frame = reserve_lanes(I, thin_frame(whole) + inputs + 1), *in = frame + thin_frame(whole);
-    if (!frame || length < THIN_LEAST) return 0;
+    if (length < THIN_LEAST || !(P->room[which] = malloc(sizeof(V) * (size_t)(thin_frame(whole) + whole->inputs + 2)))) return 0;
+    V *frame = (V *)(((size_t)P->room[which] + sizeof(V) - 1) / sizeof(V) * sizeof(V)), *in = frame + thin_frame(whole);
+    memset(frame, 0, sizeof(V) * (size_t)(thin_frame(whole) + whole->inputs + 1));
     for (long i = 0; i < I->np; i++) in[fixed + i] = v_all(I->parameters[i]);
     interpret(whole->preparation, in, frame, frame);
-    H->frame[which] = frame;
-    H->length[which] = length;
+    P->frame[which] = frame;
+    P->length[which] = length;
     return 1;
 }
 
@@ -454,6 +463,7 @@ static void look_up_mode(const Integrator *I, const V *masks) {
     struct Thin *H = I->state->thin;
     for (long k = 0; k < I->masks; k++) {
         double side = H->side[k] = masks[k][0];
+        H->shown[k] = masks[k];
         H->key[k] = side == 0 ? 0 : side == 1 ? 1 : side == -1 ? -1 : 2;
     }
     struct Programs *P = I->programs;
@@ -475,34 +485,35 @@ static void look_up_mode(const Integrator *I, const V *masks) {
     memcpy(new->masks, H->key, (size_t)I->masks);
 }
 
+/* Whether masks are those of `now`: asked before each kernel. */
 static int are_those_of_now(const struct Thin *H, const V *masks, long count) {
-    unsigned long long others = 0, mine, its;
-    for (long k = 0; k < count; k++) {
-        memcpy(&mine, H->side + k, sizeof mine);
-        memcpy(&its, masks + k, sizeof its);
-        others |= mine ^ its;
+    Mask other = masks[0] != H->shown[0], more = other;
+    for (long k = 1; k + 1 < count; k += 2) {
+        other |= masks[k] != H->shown[k];
+        more |= masks[k + 1] != H->shown[k + 1];
     }
-    return !others && H->now;
+    return H->now && !i_any(other | more | (masks[count - 1] != H->shown[count - 1]));
 }
 
 /* The mode of the masks at `in`, the same in all lanes, if its program is to be carried out; null: the kernel itself is to be taken. */
 static struct ThinMode *thin_mode(Integrator *I, enum Masked which, const V *in) {
     struct Thin *H = I->state->thin;
     long first = 1 + I->nx + (which == OF_PROJECTION ? 0 : I->nu - I->held);
-    if (!programs_of(I)) return 0;
+    struct Programs *P = programs_of(I);
+    if (!P) return 0;
     if (!are_those_of_now(H, in + first, I->masks)) look_up_mode(I, in + first);
     struct ThinMode *now = H->now;
     const Kernel *k = kernel_with_masks(I, which);
-    I->programs->calls++;
-    if (now->program[which] && !has_whole(I, which)) return 0;
-    if (!now->tried[which] && ++now->calls[which] >= THIN_CALLS && (k->program || H->asked[which] || I->programs->calls > THIN_LONG)) {
+    P->calls++;
+    if (!now->tried[which] && ++now->calls[which] >= THIN_CALLS && (k->program || P->asked[which] || P->calls > THIN_LONG)) {
         now->tried[which] = 1;
         long still = 0;
-        if (has_whole(I, which)) now->program[which] = thinned(&H->whole[which], H->frame[which], first, I->masks, now->masks, H->length[which], &now->length[which], I->nx, &still);
+        const Kernel *whole = has_frame(I, which) ? whole_program(I, which) : 0;
+        if (whole) now->program[which] = thinned(whole, P->frame[which], first, I->masks, now->masks, P->length[which], &now->length[which], I->nx, &still);
         if (which == OF_PROJECTION) now->still = still;
     }
     if (!now->program[which]) return 0;
-    double length = (double)now->length[which], whole = (double)H->length[which];
+    double length = (double)now->length[which], whole = (double)P->length[which];
     if (now->run[which]) return now;
     if (length >= (k->run ? THIN_COMPILED : 1) * whole) return 0;
     int interpreted = length < (k->run ? THIN_GAIN : 1) * whole;
@@ -520,7 +531,7 @@ static int is_still(const Integrator *I) {
 static void run_masked(Integrator *I, enum Masked which, const V *in, V *c, V *out) {
     struct Thin *H = I->state->thin;
     const struct ThinMode *mode = H ? thin_mode(I, which, in) : 0;
-    if (mode && mode->run[which]) mode->run[which](in, H->frame[which], out, H->frame[which]);
-    else if (mode) interpret(mode->program[which], in, H->frame[which], out);
+    if (mode && mode->run[which]) mode->run[which](in, H->of->frame[which], out, H->of->frame[which]);
+    else if (mode) interpret(mode->program[which], in, H->of->frame[which], out);
     else run_kernel(kernel_with_masks(I, which), in, c, out, I->state->work);
 }
