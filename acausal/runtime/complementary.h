@@ -202,12 +202,21 @@ static double sweep(const Problem *p) {
     return changed;
 }
 
-/* x with A x = b, into b; A (n, n) is used up. Rows without a pivot give zero. */
+/* The end of a row of A (n, n), behind which there are zeros only; not before `least`. */
+static long end_of_row(const double *A, long n, long row, long least) {
+    long end = n;
+    while (end > least && A[row * n + end - 1] == 0) end--;
+    return end;
+}
+
+/* x with A x = b, into b; A (n, n) is used up. Rows without a pivot give zero. Most rows tell one of x alone: those of laws that say what a force is. */
 static void eliminate_dense(double *A, double *b, long n) {
     for (long k = 0; k < n; k++) {
-        long best = k;
-        for (long i = k + 1; i < n; i++)
-            if (fabs(A[i * n + k]) > fabs(A[best * n + k])) best = i;
+        long best = k, end = end_of_row(A, n, k, k + 1);
+        if (end > k + 1 || A[k * n + k] == 0) {
+            for (long i = k + 1; i < n; i++)
+                if (fabs(A[i * n + k]) > fabs(A[best * n + k])) best = i;
+        }
         if (best != k) {
             for (long j = 0; j < n; j++) {
                 double kept = A[k * n + j];
@@ -215,12 +224,13 @@ static void eliminate_dense(double *A, double *b, long n) {
             }
             double kept = b[k];
             b[k] = b[best], b[best] = kept;
+            end = end_of_row(A, n, k, k + 1);
         }
         if (!(fabs(A[k * n + k]) > 1e-300)) continue;
         for (long i = k + 1; i < n; i++) {
             double factor = A[i * n + k] / A[k * n + k];
             if (factor == 0) continue;
-            for (long j = k + 1; j < n; j++) A[i * n + j] -= factor * A[k * n + j];
+            for (long j = k + 1; j < end; j++) A[i * n + j] -= factor * A[k * n + j];
             b[i] -= factor * b[k];
         }
     }

@@ -261,8 +261,12 @@ static enum Code impact(Integrator *I, const Decision *D, Room R) {
         long closes = plain, together = plain; /* where all strike together, what touches is asked only once */
         for (long i = 0; i < D->gaps; i++) {
             double least = fmax(D->rate_noise[i], NIL * fabs(met[i]));
-            for (long j = 0; j < D->gaps; j++) least = fmax(least, NIL * unit_of(D->W[i * n + i]) / unit_of(D->W[j * n + j]) * (R.touching[j] && met[j] < 0 && D->W[i * n + j] != 0 ? -met[j] : 0));
             shut[i] = R.touching[i] && rate[i] < -least;
+            for (long j = 0; j < D->gaps && shut[i]; j++) {
+                if (!R.touching[j] || !(met[j] < 0) || D->W[i * n + j] == 0) continue;
+                least = fmax(least, NIL * unit_of(D->W[i * n + i]) / unit_of(D->W[j * n + j]) * -met[j]);
+                shut[i] = rate[i] < -least;
+            }
             for (long j = 0; j < i && shut[i]; j++) {
                 if (!shut[j] || (!is_alone(D, i) && !is_alone(D, j)) || !moves_other(D, R.touching, i, j)) continue;
                 I->worst = j, I->other = i;

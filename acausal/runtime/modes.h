@@ -107,6 +107,7 @@ static int make_modes(Integrator *I) {
     if (!I->counted) give_inputs(I, T->decision_in);
     T->decided = reserve_doubles(I, I->decision.outputs);
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
+    T->alone = reserve_doubles(I, reactions_of(I));
     T->decided_rounds = reserve_doubles(I, I->one_sided + n);
     T->decided_from = reserve_lanes(I, GROUP * (1 + I->nx + I->nu));
     if (GROUP > 1 && I->decision.program && !I->decision.twofold) {
@@ -125,7 +126,7 @@ static int make_modes(Integrator *I) {
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)longs_of_room(I));
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
-    return I->counted || (T->decided && T->decided_noise && T->decided_rounds && T->decided_from && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->first_rate && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
+    return I->counted || (T->decided && T->decided_noise && T->alone && T->decided_rounds && T->decided_from && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->first_rate && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
 }
 
 /* Parts of T->push and T->status. */
@@ -221,10 +222,11 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     double energy = D->bounce[gaps]; /* no rate is larger than the root of 2 W energy, whatever coordinates it is known by: so large is its rounding */
     for (long i = 0; i < n && energy > 0; i++)
         if (D->W[i * n + i] > 0) T->decided_noise[gaps + i] = fmax(T->decided_noise[gaps + i], TOUCHES * EPS * sqrt(2 * D->W[i * n + i] * energy));
+    double *push = T->alone; /* what each reaction would be alone */
+    for (long j = 0; j < n; j++) push[j] = D->W[j * n + j] > 0 ? fabs(D->free[j]) / D->W[j * n + j] : 0;
     for (long i = 0; i < n; i++) { /* what has been held at rest for a step has moved by the rounding of accelerations that cancel */
         double cancel = fabs(D->free[i]);
-        for (long j = 0; j < n; j++)
-            if (D->W[j * n + j] > 0) cancel += fabs(D->W[i * n + j] / D->W[j * n + j] * D->free[j]);
+        for (long j = 0; j < n; j++) cancel += fabs(D->W[i * n + j]) * push[j];
         if (cancel < INFINITY) T->decided_noise[gaps + i] = fmax(T->decided_noise[gaps + i], TOUCHES * EPS * cancel * T->pace);
     }
     return 1;

@@ -173,6 +173,7 @@ struct State {
     V *rows_in, *rows_out, *rows_c, *sides_in, *sides_out, *sides_c, *row_change_in, *row_change_out, *row_change_c;
     V *decision_in, *decision_out, *decision_c;
     double *decided, *decided_noise; /* results of the decision's kernel, and what rounding makes of them */
+    double *alone;                   /* reactions, as if each were the only one */
     V *decided_from;          /* the arguments that these are of, and others that differ by roundings */
     double *decided_rounds;   /* what that changes of gaps and rates */
     int *decision_begins;     /* the program of gaps and rates alone; null: there is none */
