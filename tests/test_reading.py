@@ -13,6 +13,7 @@ import acausal as ac
 from acausal.errors import OptionError
 from acausal.outputs.functions import Functions
 from acausal.parts.joint import AbstractJoint
+from acausal.runtime import kernels
 from acausal.runtime.series import Series
 from components import AngleSource, Brake, Gear, Inertia, Revolute, RigidBody, World
 from tests.scenes import DoublePendulum, FourBar, bennett_linkage
@@ -69,6 +70,21 @@ def test_energies_and_samples_do_not_depend_on_who_evaluates() -> None:
     ours, casadi = (model.simulate(1.0, start={scene.a.v: 3.0}, compiled=compiled) for compiled in (True, False))
     for one, other in ((ours.energy, casadi.energy), (ours[scene.b.frame_a.force], casadi[scene.b.frame_a.force])):
         assert np.max(np.abs(one - other)) < 1e-7 * np.max(np.abs(one))
+
+
+def test_what_is_read_again_and_again_is_compiled_with_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where that has cost a part of what a compiler takes; nobody asks one before."""
+    begun: list[object] = []
+    monkeypatch.setattr(kernels, "in_background", lambda work, _: (begun.append(work), work()))
+    scene = FourBar()
+    run, force = ac.build(scene).simulate(1.0, start={scene.a.v: 3.0}), scene.b.frame_a.force
+    before = run[force]
+    assert not begun
+    monkeypatch.setattr(kernels, "WORTH", 0.0)
+    times = np.linspace(0, 1, run.t.size)
+    assert np.array_equal(run.at(times)[force], before)
+    count = len(begun)
+    assert count and np.array_equal(run.at(run.t)[force], before) and len(begun) == count
 
 
 def test_expressions_that_are_written_alike_are_made_once(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -81,11 +81,12 @@ class Kernels:
     """Kernels of some functions, in the order in which they are wanted: `current`.
 
     With `AUTO` they are interpreted at first, unless compiled ones are in the cache. `spent` says what they have cost: when that is a part of what a
-    compiler would take, one begins in the background, and `current` changes when it is done. `version` counts such changes.
+    compiler would take, one begins in the background, and `current` changes when it is done. `version` counts such changes. Without `look` nobody looks
+    into the cache before that: for what may be asked once.
     Raises `ExportError` for functions that have no C.
     """
 
-    def __init__(self, wanted: Sequence[Wanted], runtime: Runtime, how: How) -> None:
+    def __init__(self, wanted: Sequence[Wanted], runtime: Runtime, how: How, *, look: bool = True) -> None:
         begun = time.perf_counter()
         self.version, self._spent, self._cost, self._lanes = 0, 0.0, math.inf, runtime.lanes
         self.stopped: list[BaseException] = []  # what was raised where C cannot pass it on
@@ -95,7 +96,7 @@ class Kernels:
         self.kind = "interpreted"
         if how is How.COMPILED and self._compilation is not None:
             self._take_compiled()
-        elif self._compilation is not None and self._compilation.cached() and self._took_compiled():
+        elif look and self._compilation is not None and self._compilation.cached() and self._took_compiled():
             pass
         elif how is How.CASADI:
             self.current = [_evaluated(plain(w.function), self._alive, self.stopped) for w in wanted]
@@ -158,10 +159,13 @@ class Compilation:
 
     def __init__(self, wanted: tuple[Wanted, ...], command: tuple[str, ...], options: tuple[str, ...] = (NATIVE,)) -> None:
         self._wanted, self._command, self._options = wanted, command, options
-        self._key = hashlib.sha256("\0".join([made_with(), *(w.key for w in wanted)]).encode()).hexdigest()
         self._begun: float | None = None
         self._ended: float | None = None
         self.succeeded = self.spoilt = False
+
+    @functools.cached_property
+    def _key(self) -> str:
+        return hashlib.sha256("\0".join([made_with(), *(w.key for w in self._wanted)]).encode()).hexdigest()
 
     def cached(self) -> bool:
         """Whether this has been compiled before, by whatever process."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import time
 
 import numpy as np
 
@@ -18,7 +19,7 @@ _GLANCES, _SHORT = 2000, 300
 
 
 class Series:
-    """`function` (t, x, u, p) -> one column, at many points at once: by the runtime's interpreter, or by CasADi where there is no runtime.
+    """`function` (t, x, u, p) -> one column, at many points at once: by kernels of the runtime, or by CasADi where there is no runtime.
 
     The same bits for a point whichever others are asked for along with it. May be called by several threads.
     """
@@ -42,8 +43,10 @@ class Series:
         if (x.size, u.size, p.size) != (nx * t.size, nu * t.size, np_):
             raise ValueError(f"series: {x.shape} states, {u.shape} inputs and {p.size} parameters do not fit {self.function}.")
         at = [part.ctypes.data for part in (p, t, x, u, found)]
+        begun = time.thread_time()
         if library.columns(ctypes.byref(kernels.current[0]), nx, nu, np_, at[0], t.size, *at[1:]):
             raise MemoryError(f"{self.function.name()} at {t.size} points: not enough memory.")
+        kernels.spent(time.thread_time() - begun)
         return found
 
     def glance(self, t: np.ndarray, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -73,6 +76,6 @@ class Series:
             library: Runtime | None = runtime()
             if library is None:
                 return None
-            return library.library, Kernels([Wanted("series", self.function, (3,))], library, How.INTERPRETED)
+            return library.library, Kernels([Wanted("series", self.function, (3,))], library, How.AUTO, look=False)
         except ExportError:  # whoever integrates says what is wrong
             return None
