@@ -632,7 +632,7 @@ def test_whatever_code_depends_on_compiles_again(
 
 def _read_again() -> None:
     library.sources.cache_clear()
-    kernels._sources.cache_clear()
+    kernels.made_with.cache_clear()
 
 
 def test_a_header_that_is_edited_while_a_compiler_runs_does_no_harm(

@@ -47,7 +47,7 @@ from tests.scenes import FourBar
 library.BUILT = load.BUILT = pathlib.Path("/nowhere")  # as if no library had come with the package
 kernels.Compilation.begin = kernels.Compilation._work  # at once, not in the background
 spent = kernels.Kernels.spent
-kernels.Kernels.spent = lambda own, seconds: spent(own, 1e9)
+kernels.Kernels.spent = lambda own, seconds: spent(own, 1e9 if len(own.current) > 1 else 0.0)  # not what is read
 for os.environ["FAULT"] in sys.argv[1:]:
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
