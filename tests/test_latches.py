@@ -245,6 +245,30 @@ def test_gripper_holds_without_creep_lets_go_and_holds_again() -> None:
     assert run[scene.hand.force].reshape(-1, 3)[-1] == pytest.approx([0, 0, 0.5 * 9.81], abs=1e-10)
 
 
+@pytest.mark.parametrize("turned", [((1.0, 2.0, -1.0), 2.5), ((-1.0, 0.3, 0.5), 1.9)])
+def test_gripper_holds_bodies_as_one_however_its_frames_are_turned(turned: tuple[tuple[float, float, float], float]) -> None:
+    scene = ac.System()
+    scene.world, sizes = World(gravity=(0.0, 0.0, 0.0)), ((0.3, 0.2, 0.1), (0.1, 0.4, 0.2))
+    scene.boxes = [RigidBody.box(mass, size) for mass, size in zip((1.0, 2.5), sizes, strict=True)]
+    scene.hand = Gripper(closes=ac.time - 0.2)
+    scene.connect(scene.boxes[0].at((0.1, -0.3, 0.2), rotation=turned), scene.hand.frame_a)
+    scene.connect(scene.hand.frame_b, scene.boxes[1].at((0.2, 0.1, -0.4)))
+    frames = [box.frame for box in scene.boxes]
+    start = {frames[0].velocity: (1, 0.2, -0.3), frames[0].angular_velocity: (0.4, -1, 0.7), frames[1].position: (0.5, 0.8, -0.2)}
+    run = ac.build(scene).simulate(1.0, start, rtol=1e-11, samples=21)
+    apart = run[frames[0].rotation.T @ frames[1].rotation][run.t > 0.2]
+    assert apart == pytest.approx(np.broadcast_to(apart[0], apart.shape), abs=1e-10)
+    # momentum, and spin about the world's origin, are kept
+    momentum = spin = 0.0
+    for box, size, mass in zip(frames, sizes, (1.0, 2.5), strict=True):
+        R, v, w = run[box.rotation], run[box.velocity], run[box.angular_velocity]
+        local = mass / 12 * (np.dot(size, size) - np.square(size))
+        momentum = momentum + mass * v
+        spin = spin + mass * np.cross(run[box.position], v) + np.einsum("tij,j,tkj,tk->ti", R, local, R, w)
+    for kept in (momentum, spin):
+        assert kept == pytest.approx(np.broadcast_to(kept[0], kept.shape), abs=1e-10)
+
+
 def test_what_is_caught_while_it_stands_on_a_floor_stays_above_it() -> None:
     # a ball on the floor is caught by a box that falls onto it: the floor takes its part in the same instant
     m, M, h, g = 0.3, 0.7, 0.5, 9.81

@@ -106,7 +106,9 @@ def _held(W: ca.SX, k: ca.SX) -> ca.SX:
 
 def _moving(rows: Sequence[LockRows], W: ca.SX, motion: Motion) -> list[list[int]]:
     """Rows that are damped by the same: those of a lock that have one unit, so that it does not depend on the axes; without those that nothing moves, as the
-    position of an arm that is held on its axis. Raises `ModelError` where nothing moves any row of a lock."""
+    position of an arm that is held on its axis. Raises `ModelError` where nothing moves any row of a lock.
+
+    What is remembered is drawn, and is no rotation then: such compliances have any sign."""
     found: list[list[int]] = []
     first = 0
     for row in rows:
@@ -117,7 +119,7 @@ def _moving(rows: Sequence[LockRows], W: ca.SX, motion: Motion) -> list[list[int
             same = [i for i, reaction in zip(own, row.reactions, strict=True) if reaction.unit == unit]
             mean = _mean(W, same)
             places = motion.at_places(_drawn(ca.vertcat(mean, rounded(mean))))
-            if not places or any(place[0, 0] > _NEVER * place[1, 0] for place in places):
+            if not places or any(abs(place[0, 0]) > _NEVER * place[1, 0] for place in places):
                 groups.append(same)
         if not groups:
             raise ModelError(
