@@ -15,7 +15,22 @@ from acausal.language.mode_laws import ModeLaw
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
-from components import Contact, Coulomb, Hard, Particle, Plane, PointOnPlane, PrescribedMotion, Revolute, RigidBody, Sphere, World
+from components import (
+    Brake,
+    Contact,
+    Coulomb,
+    Hard,
+    Inertia,
+    Particle,
+    Plane,
+    PointOnPlane,
+    PrescribedMotion,
+    Revolute,
+    RigidBody,
+    Sphere,
+    TorqueSource,
+    World,
+)
 from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
 from tests.rough import Floor, Rub
 
@@ -248,6 +263,22 @@ def differences(
             found.append(np.concatenate([np.atleast_1d(run[one][-1]) for one in wanted]))
         columns.append((found[0] - 8 * found[1] + 8 * found[2] - found[3]) / (12 * step))
     return np.column_stack(columns)
+
+
+@pytest.mark.parametrize(("unit", "inertia"), [(1.0, 1.3), (1e-3, 0.7)])
+def test_what_is_held_at_the_start_has_derivatives_that_are_nothing_but_rounding(unit: float, inertia: float) -> None:
+    """A shaft stands still while its brake holds the torque that grows, each of which is derived: that its rates cancel to rounding makes no step shorter."""
+    scene, grows, holds, t = ac.System(), 1.1 / unit, 0.9, 2 * unit
+    scene.inertia, scene.rate = ac.Parameter(inertia * unit**2, "kg*m^2"), ac.Parameter(grows, "N*m")
+    scene.capacity = ac.Parameter(holds, "N*m")
+    scene.shaft, scene.drive = Inertia(scene.inertia), TorqueSource(scene.rate * ac.time)
+    scene.brake = Brake(scene.shaft.flange_b, scene.capacity)
+    scene.connect(scene.drive.flange, scene.shaft.flange_a)
+    found = ac.build(scene).sensitivities([0.0, t], [scene.inertia, scene.rate, scene.capacity], **EXACT)
+    left, J = t - holds / grows, inertia * unit**2  # phi = a (t - c / a)^3 / (6 J)
+    by_start = grows * left**2 / (2 * J)
+    exact = [-grows * left**3 / (6 * J * J), left**3 / (6 * J) + by_start * holds / grows**2, -by_start / grows]
+    assert found[scene.shaft.phi][-1] == pytest.approx(exact, rel=1e-9)
 
 
 @pytest.mark.parametrize("velocity", [(1.0, 0.0), (1.0, 0.8), (-0.3, 2.0)])

@@ -55,8 +55,12 @@ static void variation_at(Integrator *I, Stages *S, long j, const V *dx, V *out) 
     run_kernel(&I->variation, in, T->variation_c, out, T->work);
 }
 
+/* By how many units in the last place an argument is moved, in one of the samples. */
+static double part_of(long argument, long sample) { return (double)((7 * argument + 3 * sample) % 5 - 2); }
+
 /* What rounding makes of the rates of directions dx (nx) in a step h, by its last stage, into `noise`: terms that cancel leave numbers without a digit
-   that is right, and an iteration on nothing else never ends. By values of the state that are next to one another; by directions to either side, whose
+   that is right, and an iteration on nothing else never ends. By values of the state, time and parameters that are next to one another: what stands still at
+   zero has no others; by directions to either side, whose
    mean has the rates of dx since these are linear in it; and by directions as far apart as such rates move them. */
 static void noise_of_variation(Integrator *I, Stages *S, double h, const V *dx, const V *size, V *noise) {
     struct State *T = I->state;
@@ -69,10 +73,12 @@ static void noise_of_variation(Integrator *I, Stages *S, double h, const V *dx, 
         int states = sample <= 3, aside = sample > 3 && sample <= 6;
         for (int side = 1; side >= (aside ? -1 : 1); side -= 2) {
             for (long i = 0; i < n; i++) {
-                double part = (double)((7 * i + 3 * sample) % 5 - 2), moved = (double)side * part / 8;
+                double part = part_of(i, sample), moved = (double)side * part / 8;
                 in[1 + i] = v_all(stage[1 + i][l] * (states ? 1 + part * EPS : 1.0));
                 direction[i] = dx[i] + (states ? v_all(0.0) : aside ? v_all(moved) * size[i] : v_all(part * h) * noise[i]);
             }
+            in[0] = v_all(stage[0][l] * (states ? 1 + part_of(n, sample) * EPS : 1.0));
+            for (long i = 0; i < I->np; i++) in[1 + n + I->nu + i] = v_all(I->parameters[i] * (states ? 1 + part_of(n + 1 + i, sample) * EPS : 1.0));
             run_kernel(&I->variation, in, T->variation_c, other, T->work);
             for (long i = 0; i < n; i++) mean[i] = side > 0 ? other[i] : v_all(0.5) * (mean[i] + other[i]);
         }
