@@ -7,9 +7,10 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import linprog
 
 import acausal as ac
-from components import Coulomb, Force, Particle, PointOnPlane, Prismatic, RigidBody, World
+from components import Coulomb, Force, Particle, PointOnPlane, Prismatic, Revolute, RigidBody, World
 
 G = 9.81
 CORNERS = ((0.2, 0.15), (0.2, -0.15), (-0.2, 0.15), (-0.2, -0.15))
@@ -160,3 +161,34 @@ def test_the_energy_of_what_stands_still_is_not_off_by_its_rounding(size: float)
     run = ac.build(scene).simulate(3.0)
     assert np.abs(run[scene.box.frame.position]).max() < 1e-14 * size
     assert run.energy_error() < 1e-12
+
+
+FOUR = np.array([(0.22, -0.08, -0.51, 1.0), (1.0, -0.01, -0.84, 0.97), (-0.66, -0.91, -0.53, 0.29), (0.42, -0.02, 0.54, 1.1)])
+
+
+@pytest.mark.parametrize(("feet", "size"), [(FOUR[[1, 3, 0, 2]], 1.0), (FOUR[[0, 1, 3]], 1e-3), (FOUR[:3], 1e3)])
+def test_a_body_on_rough_feet_of_any_slope_stays_where_any_forces_would_hold_it(feet: np.ndarray, size: float) -> None:
+    """In a plane: the place, slope and friction of each; by a linear program for the largest that friction can have left everywhere."""
+    k, points, slopes, mu = len(feet), feet[:, :2], feet[:, 2], feet[:, 3]
+    scene = ac.System()
+    scene.world, scene.joints = World(), [Prismatic("x"), Prismatic("z"), Revolute("y")]
+    scene.body, at = RigidBody(1.5, 0.5 * size**2 * np.eye(3)), scene.world.frame
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(one)) for one in mu]
+    for joint in scene.joints:
+        scene.connect(at, joint.frame_a)
+        at = joint.frame_b
+    scene.connect(at, scene.body.frame)
+    for foot, (x, z), slope in zip(scene.feet, size * points, slopes, strict=True):
+        scene.connect(scene.world.at((x, 0, z), rotation=((0, 1, 0), slope)), foot.frame_a)
+        scene.connect(foot.frame_b, scene.body.at((x, 0, z)))
+    normal, along = np.array([np.sin(slopes), np.cos(slopes)]), np.array([np.cos(slopes), -np.sin(slopes)])
+    A = np.vstack([np.hstack([normal, along]), np.hstack([points[:, 0] * f[1] - points[:, 1] * f[0] for f in (normal, along)])])
+    within = [[np.diag(-mu), sign * np.eye(k), np.ones((k, 1))] for sign in (1, -1)]
+    found = linprog(
+        [*np.zeros(2 * k), -1], np.block(within), np.zeros(2 * k), np.hstack([A, np.zeros((3, 1))]), [0, 1, 0], [*[(None, None)] * (2 * k), (None, 5)]
+    )  # fmt: skip
+    stays = found.status == 0 and found.fun < 0
+    assert found.status == 2 or abs(found.fun) > 1e-3
+    run = ac.build(scene).simulate(0.02 * np.sqrt(size), dict.fromkeys([joint.q for joint in scene.joints], 0.0), samples=3)
+    moved = max(float(np.abs(run[joint.q]).max()) / unit for joint, unit in zip(scene.joints, (size, size, 1), strict=True))
+    assert moved < 1e-12 if stays else moved > 1e-6

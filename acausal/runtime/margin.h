@@ -457,6 +457,13 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
     return 1;
 }
 
+/* Whether this law is of a friction that a row may press which holds: where it takes no force, as by an answer in which nothing presses there, it holds as well. */
+static int may_press(const Decision *D, long k, const long *law) {
+    int presses = k >= D->gaps && D->hold[k - D->gaps] > 0;
+    for (long i = 0; i < D->gaps && k >= D->gaps; i++) presses |= law[i] == HOLDS && limit_needs(D, k - D->gaps, i);
+    return presses;
+}
+
 /* Laws that have been found for accelerations, of which some say that what is at rest is at a limit, or that it moves: where others of its reactions hold it, it holds.
    `asked`: what may; `rate`: accelerations, null where nothing has been found. Returns how many groups of rows do, -1 when the input function failed. */
 static int hold_more(Integrator *I, const Decision *D, const long *asked, long *law, const double *along, const double *rate, double *push, double later) {
@@ -479,7 +486,7 @@ static int hold_more(Integrator *I, const Decision *D, const long *asked, long *
         for (long k = 0; k < laws; k++) {
             int may = (asked[k] == MAY_HOLD || asked[k] == MAY_SLIDE) && !(k < D->gaps && D->kind[k] == NO_IMPACT); /* what has no rate is never at rest */
             given[k] = law[k] == STARTS ? AGAINST : law[k];
-            if (may && (pass == 2 || (!moves[k] && (law[k] == STARTS || (stays[k] && pass == 0))))) given[k] = HOLDS;
+            if (may && (pass == 2 || (!moves[k] && (law[k] == STARTS || (stays[k] && pass == 0) || may_press(D, k, given))))) given[k] = HOLDS;
         }
         for (long k = 0; k < laws; k++) {
             if (seen[k] || done[k] || given[k] != HOLDS || (pass == 2 && (law[k] == HOLDS || !(moves[k] || stays[k] || law[k] == STARTS)))) continue;

@@ -221,11 +221,12 @@ def _look_at_energy(
     least = np.maximum(sizes.part * every.scale, spreads)
     look = int(np.argmax(np.abs(every.gap[some]) / np.maximum(least, np.finfo(float).tiny)))
     worst = int(some[look])
-    plain, noise = (
-        _NOISE * sum(float(np.sum(_rounding(functions, run, k, sizes, h)[:2])) for k in (0, worst))
+    plain, later = (
+        _NOISE * np.sum([_rounding(functions, run, k, sizes, h)[:2] for k in (0, worst)], axis=0)
         for h in (0.0, _longest(run, run.steps.t.size))
     )
-    moves = float(T.max()) > plain  # what rests is held by forces whose rounding is all that works
+    plain, noise = float(plain.sum()), float(later.sum())
+    moves = float(T.max()) > max(plain, float(later[0]))  # what rests is held by forces whose rounding is all that works
     allowed = max(float(least[look]), plain, min(noise, _MOST * every.scale) if moves else noise)
     if not np.abs(every.gap[worst]) > allowed:
         return
