@@ -192,3 +192,28 @@ def test_a_body_on_rough_feet_of_any_slope_stays_where_any_forces_would_hold_it(
     run = ac.build(scene).simulate(0.02 * np.sqrt(size), dict.fromkeys([joint.q for joint in scene.joints], 0.0), samples=3)
     moved = max(float(np.abs(run[joint.q]).max()) / unit for joint, unit in zip(scene.joints, (size, size, 1), strict=True))
     assert moved < 1e-12 if stays else moved > 1e-6
+
+
+@pytest.mark.parametrize(("size", "turns"), [(1e-3, (-11, -8, 11))])
+def test_a_pushed_box_goes_where_it_is_pushed_from_the_instant_at_which_all_feet_begin_to_slide(
+    size: float, turns: tuple[int, ...]
+) -> None:
+    """As F' (t - t1)^3 / 6 m, and neither aside nor round: what rounding makes of directions while the slip is nothing is not what it makes of them later."""
+    scene, T = ac.System(), np.sqrt(size / G)
+    scene.mu, scene.world, scene.box = (
+        ac.Parameter(0.3),
+        World((0, 0, -G)),
+        RigidBody.box(2.0, (0.4 * size, 0.3 * size, 0.2 * size)),
+    )
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(scene.mu)) for _ in CORNERS]
+    for foot, (x, y) in zip(scene.feet, CORNERS, strict=True):
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((x * size, y * size, -0.1 * size)))
+    scene.push = Force((9 * G / T * ac.time, 0, 0))
+    scene.connect(scene.push.point, scene.box.at((0, 0, -0.02 * size)))
+    model, place = ac.build(scene), scene.box.frame.position
+    for k in turns:
+        mu = 0.3 * (1 + 1e-5 * k)
+        run = model.simulate(0.7 * T, {place: (0, 0, 0.1 * size)}, rtol=1e-12, samples=2, parameters={scene.mu: mu})
+        left = 0.7 - 2 * mu / 9
+        assert np.ravel(run[place][-1]) / size == pytest.approx([9 * left**3 / 12, 0, 0.1], abs=1e-10)

@@ -501,11 +501,12 @@ static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
     return 0;
 }
 
-/* How long it takes until something other than rounding has changed (rates, and what rounding makes of these); the whole time, where nothing does. */
+/* How long it takes until something other than rounding has changed (rates, and what rounding makes of these); the whole time, where nothing does. A slip that begins is soon
+   many times what it is: rounding of its direction now says nothing of what it will be. */
 static double pace_of(const Integrator *I, const double *rate, const double *noise) {
     double pace = INFINITY;
     for (long i = 0; i < I->nx; i++)
-        if (FEW * noise[i] < SMALL * fabs(rate[i]) && I->state->size[i] > 0) pace = fmin(pace, I->state->size[i] / fabs(rate[i]));
+        if (FEW * noise[i] < SMALL * fabs(rate[i]) && I->state->size[i] > 0) pace = fmin(pace, (slips_turn(I) && i >= I->positions ? fabs(I->x[i]) : I->state->size[i]) / fabs(rate[i]));
     return pace < INFINITY ? pace : I->end - I->state->start;
 }
 
