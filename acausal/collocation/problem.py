@@ -159,6 +159,7 @@ class StatusKind(enum.Enum):
     SUCCESS = "reached the end"
     STEP_UNDERFLOW = "the step size became too small"
     NON_FINITE = "a rate became infinite or not a number"
+    BRANCHES_TOUCH = "branches of the motion touch at a singular position of loops"
     NOT_CONVERGED = "the implicit equations of a step could not be solved"
     INTERRUPTED = "interrupted by the user"
     MAX_STEPS = "the largest number of steps was reached"

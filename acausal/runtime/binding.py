@@ -45,6 +45,7 @@ class Code(enum.IntEnum):
     SETS_APART = 21
     FALLS = 22
     BEGINS_NO_NUMBER = 23
+    BRANCHES_TOUCH = 24
 
 
 class Method(ctypes.Structure):

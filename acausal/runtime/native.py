@@ -74,6 +74,11 @@ _GO_ON = (Code.PAUSED, Code.NEEDS_JACOBIAN)
 _STATUS = {
     Code.REACHED_END: (StatusKind.SUCCESS, ""),
     Code.STEP_UNDERFLOW: (StatusKind.STEP_UNDERFLOW, "The step size fell to rounding: the motion may be singular here."),
+    Code.BRANCHES_TOUCH: (
+        StatusKind.BRANCHES_TOUCH,
+        "The motion comes to a singular position of loops where its branches touch, rather than cross: next to it the forces in the loops are known to no "
+        "digits, and nothing tells how it goes on. Turn the axis of a joint a little, or leave out what holds nothing that others do not hold.",
+    ),
     Code.NON_FINITE: (StatusKind.NON_FINITE, "A rate became infinite or not a number."),
     Code.NOT_CONVERGED: (
         StatusKind.NOT_CONVERGED,

@@ -23,6 +23,8 @@
 #define STILL 1e-5 /* of that, rounding at most */
 #define BRANCHES 0.01 /* part of the distance from a singular position that an error may be: another branch is as close */
 #define LENGTHS 1e-13 /* what rounding of lengths makes of velocities at most, times the square of the distance: 8 roundings of some 50 terms */
+#define TOUCHING 0.3 /* distance up to which it tells how branches meet */
+#define BENT 0.02 /* part of distances that are the square of a way, which they may differ from this */
 #define CLOSER 8 /* times as close, the next distance that rates may be continued from */
 #define ROUNDING 100 /* times as large, what is left of rounding errors across the branch */
 
@@ -159,6 +161,39 @@ static double crossing(Integrator *I, const V *in, const V *K, long lane, double
     for (int k = 0; k < SEARCH && distance < 0.5 * AHEAD; k++) distance = distance_aside(I, in, K, lane, tau *= 4);
     for (int k = 0; k < 2; k++) distance = distance_aside(I, in, K, lane, tau *= AHEAD / distance);
     return distance > 0.5 * AHEAD && distance < 2 * AHEAD ? tau : 0;
+}
+
+/* What is left of values at the nodes when a parabola through them is taken away, as part of them. */
+static double bends(const double *values) {
+    double first = 0, second = 0, third = 0, left = 0, size = 0; /* sums over 1, k^2 and k; of k^2 over the nodes is 60, of k^4 708 */
+    for (long k = 0; k < NODES; k++) {
+        double at = node_places[k];
+        first += values[k], third += values[k] * at, second += values[k] * at * at;
+        size = fmax(size, fabs(values[k]));
+    }
+    double curve = (second - 7.5 * first) / (708 - 7.5 * 60), slope = third / 60, level = first / NODES - 7.5 * curve;
+    for (long k = 0; k < NODES; k++) {
+        double at = node_places[k];
+        left = fmax(left, fabs(values[k] - level - slope * at - curve * at * at));
+    }
+    return left / size;
+}
+
+/* Whether branches of the motion touch near the state in one lane, rather than cross: the distance from them, not its square, grows as the square of
+   the way. Forces that hold loops are then known to so few digits, and so far around, that rates cannot be continued from beside. */
+static int touches(Integrator *I, const V *in, const V *K, long lane, double h) {
+    struct State *T = I->state;
+    double tau = h, distance = INFINITY, clear[NODES], aside[NODES], most = 0;
+    for (int k = 0; k < SEARCH && distance > 2 * AHEAD; k++) distance = distance_aside(I, in, K, lane, tau *= 0.5);
+    for (int k = 0; k < SEARCH && distance < AHEAD; k++) distance = distance_aside(I, in, K, lane, tau *= 2);
+    if (!(distance >= AHEAD && distance <= TOUCHING)) return 0;
+    set_nodes(I, in, K, lane, 0.25 * tau, node_places);
+    for (long b = 0; b < NODES / LANES; b++) {
+        V found = clearances(I, T->nodes[b]);
+        memcpy(clear + b * LANES, &found, sizeof found);
+    }
+    for (long k = 0; k < NODES; k++) aside[k] = sqrt(fmax(clear[k], 0)), most = fmax(most, aside[k]);
+    return most < 1 && bends(aside) < fmin(BENT, 0.25 * bends(clear));
 }
 
 /* The nodes to either side of a state, with closed loops. */
@@ -301,6 +336,7 @@ static void find_zone(Integrator *I, Stages *S, Judge *J) {
         around |= (!exact || I->through == STRAIGHT) && !(S->clear[j] >= NEARBY);
         if (S->clear[j] < S->clear[nearest]) nearest = j;
     }
+    I->state->touching = S->clear[nearest] < CROSSING && touches(I, S->in[nearest / LANES], S->N[nearest / LANES], nearest % LANES, S->h);
     if (I->through == STRAIGHT && S->tau[nearest] > 0) {
         double rest, part = straight_from(I, S, nearest, S->tau[nearest], &rest);
         if (rest > 1 && J->count && made_exact(I)) { /* the first guess may be poor */

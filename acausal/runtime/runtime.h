@@ -76,7 +76,8 @@ enum Code {
     GAINS,           /* energy is gained in an impact of row `worst` */
     SETS_APART,      /* row `worst` of locks is held, and does not meet: by `apart` */
     FALLS,           /* the gap of one-sided row `worst` is negative in the middle of the motion, by `apart` */
-    BEGINS_NO_NUMBER /* discrete value `other` begins with what is no number */
+    BEGINS_NO_NUMBER, /* discrete value `other` begins with what is no number */
+    BRANCHES_TOUCH   /* at a singular position of loops, where rates are not known */
 };
 
 /* What derivatives do not go through. */

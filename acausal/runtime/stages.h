@@ -254,6 +254,7 @@ struct State {
     double part;             /* part of the usual distance that rates were continued from; 0: they were not */
     double speed;            /* the largest velocity that was met, beside what is much for it [1/s] */
     int twofold;             /* whether exact kernels are needed */
+    int touching;            /* whether a stage of the last try came to where branches of the motion touch */
     int straight;            /* whether the last step led through a singular position, not past it */
     long capacity, coefficient_capacity, coefficient_count;
     int thinned;             /* whether only steps that are read are kept */

@@ -317,6 +317,7 @@ static int gave_up(simulator_instance *s, enum Code code) {
         snprintf(message, sizeof message, "What is to be held does not meet: by %.6g.", I->apart);
         return failed(s, SIMULATOR_CANNOT_SET, message);
     case BEGINS_NO_NUMBER: return failed(s, SIMULATOR_CANNOT_SET, "What a part remembers begins with what is no number.");
+    case BRANCHES_TOUCH: return failed(s, SIMULATOR_STEP_UNDERFLOW, "The motion comes to a singular position of loops where its branches touch.");
     case TIED: return failed(s, SIMULATOR_TIED, 0);
     case GAINS:
         snprintf(message, sizeof message, "An impact of %.120s gains energy.", model.laws[I->worst]);
