@@ -27,11 +27,16 @@ def origin() -> str:
     frame = sys._getframe(1)  # pyright: ignore[reportPrivateUsage]  # inspect.stack reads source files: 1000 times slower
     while frame is not None:
         name = frame.f_code.co_filename
-        made_by_python = name.startswith("<frozen") or (name == "<string>" and frame.f_code.co_name == "__init__")  # a dataclass
-        if not name.startswith(_LIBRARY) and not made_by_python:
+        made_by_python = name == "<string>" and frame.f_code.co_name == "__init__"  # a dataclass
+        if is_users(name) and not made_by_python:
             return f"{shortened(name)}:{frame.f_lineno}"
         frame = frame.f_back
     return ""
+
+
+def is_users(name: str) -> bool:
+    """Whether a file belongs to none of acausal, components, CasADi, numpy and scipy, nor to Python's own."""
+    return not name.startswith((*_LIBRARY, "<frozen"))
 
 
 def asked_while_made() -> list[list[Any]]:

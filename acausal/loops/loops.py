@@ -15,7 +15,7 @@ from acausal.errors import ModelError
 from acausal.numerics.sizes import Drawn
 from acausal.numerics.thresholds import ROUNDING
 from acausal.parts.constraint import AbstractConstraint
-from acausal.parts.pose import Pose, cleaned, product, symbolic
+from acausal.parts.pose import Pose, cleaned, product, symbolic, symbols
 from acausal.topology.mechanism import Edge
 
 
@@ -121,10 +121,16 @@ def loop_rows(edge: Edge[AbstractConstraint], placement: TreePlacement) -> LoopR
     rolling = joint.closure_rates(X, w_s, v_s, t)
     rolling_basis = ca.jacobian(rolling, ca.vertcat(w_s, v_s))
     rolling_value = ca.substitute(rolling, ca.vertcat(w_s, v_s), twist)
+    for i in range(rolling.numel()):
+        if rolling_value[i].is_zero():  # nothing moves there
+            dropped.append(Row(slip_name(edge.name, i), rolls=True))
+            dropped_basis.append(rolling_basis[i, :].T)
+    rolls = [i for i in range(rolling.numel()) if not rolling_value[i].is_zero()]
+    rolling_value, rolling_basis = rolling_value[rolls, :], rolling_basis[rolls, :]
     position = ca.vertcat(*(row[0] for row in rows)) if rows else ca.SX(0, 1)
     velocity = ca.vertcat(*(row[1] for row in rows), rolling_value)
     wrench_basis = ca.horzcat(*(row[2] for row in rows), rolling_basis.T)
-    kinds += [Row(slip_name(edge.name, i), rolls=True) for i in range(rolling.numel())]
+    kinds += [Row(slip_name(edge.name, i), rolls=True) for i in rolls]
     return LoopRows(
         edge, X, position, ca.densify(velocity), ca.densify(wrench_basis), joint.closure_sign(X), tuple(kinds), tuple(dropped),
         ca.densify(ca.horzcat(*dropped_basis)), far,
@@ -181,9 +187,9 @@ def _along(place: Place, other: Place, placement: TreePlacement) -> Place:
 
 
 def relative_pose(edge: Edge[AbstractConstraint], placement: TreePlacement) -> Pose:
-    """X_ab of the mounted places."""
+    """X_ab of the mounted places, in symbols also where nothing in it moves: so it is given to methods of parts."""
     X = placement.between(*mounted_places(edge, placement))
-    return Pose(np.eye(3), X.position) if _is_point(edge.a, placement) or _is_point(edge.b, placement) else X
+    return symbols(Pose(np.eye(3), X.position) if _is_point(edge.a, placement) or _is_point(edge.b, placement) else X)
 
 
 def relative_twist(edge: Edge[AbstractConstraint], placement: TreePlacement, X: Pose) -> tuple[ca.SX, ca.SX]:

@@ -87,7 +87,8 @@ class _Look:
 def row_scale(jacobians: Sequence[np.ndarray]) -> np.ndarray:
     """Largest lengths (m,) of the rows of A (m, nv) at some configurations."""
     scale = np.max([np.linalg.norm(A, axis=1) for A in jacobians], axis=0)
-    return np.maximum(scale, 1e-6 * np.max(scale))
+    largest = float(np.max(scale, initial=0.0))
+    return np.maximum(scale, 1e-6 * largest) if largest > 0 else np.ones(scale.size)  # rows without slope have no length
 
 
 def singular_values_along(walk: Walk, start: np.ndarray, scale: np.ndarray, rank: int, kept: tuple[int, ...]) -> Trail:

@@ -10,7 +10,7 @@ import numpy as np
 from acausal.dynamics.system import MechanicalSystem
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.joint import AbstractJoint
-from acausal.parts.pose import Pose
+from acausal.parts.pose import Pose, symbols
 from acausal.topology.mechanism import Edge, Group
 
 
@@ -31,7 +31,7 @@ def sketched(edge: Edge[AbstractConstraint], joint: AbstractJoint, groups: Seque
     if a is not None and b is not None:
         mounting = Pose(joint.mounting(), np.zeros(3))
         X = (a @ edge.pose_a @ mounting).inverse() @ (b @ edge.pose_b @ mounting)
-        found = joint.coordinates(X)
+        found = joint.coordinates(symbols(X))
         if found is not None and ca.densify(found).is_constant():
             return tuple(float(f) for f in np.array(ca.DM(ca.evalf(found))).ravel())
     return joint.start_q()

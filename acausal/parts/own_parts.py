@@ -16,7 +16,7 @@ from acausal.language.component import Component
 from acausal.language.equation import Equation
 from acausal.language.expression import Expression, Parameter, Time, Variable, check_formula, declared, sx, time
 from acausal.language.flatten import FlatSystem, Part
-from acausal.language.origin import shortened
+from acausal.language.origin import is_users, shortened
 from acausal.numerics.thresholds import EDGE
 from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.contact import AbstractTouch
@@ -30,6 +30,8 @@ from acausal.parts.pose import Pose, symbolic
 from acausal.parts.pose_check import LookedJoint, one_sided_rows
 from acausal.parts.potential import AbstractPotential
 from acausal.parts.rigid import AbstractRigidPart, Attachment
+
+_CHOICE = " In place of Python's `if`, max and min write ca.if_else, ca.fmax and ca.fmin."
 
 
 @dataclass(frozen=True)
@@ -80,13 +82,14 @@ class OwnPart:
         except AcausalError:
             raise
         except Exception as error:
-            last = traceback.extract_tb(error.__traceback__)[-1]
-            inside = f" at {shortened(last.filename)}:{last.lineno}" if last.filename != __file__ else ""
+            lines = [frame for frame in traceback.extract_tb(error.__traceback__) if is_users(frame.filename)]
+            inside = f" at {shortened(lines[-1].filename)}:{lines[-1].lineno}" if lines else ""
             text = " ".join(str(error).split("\n\n")[0].split())
             text = text if len(text) < 160 else text[:158] + " …"
             raise self._error(
                 call,
-                f"fails{inside}: {type(error).__name__}: {text.rstrip('.')}. It is called as {call}, with CasADi's symbols as arguments.",
+                f"fails{inside}: {type(error).__name__}: {text.rstrip('.')}. It is called as {call}, with CasADi's symbols as arguments."
+                f"{_CHOICE if 'truth value' in text else ''}",
             ) from error
 
     def _column(self, call: str, method: Callable[[], Any], known: Sequence[ca.SX], rows: int | None = None) -> ca.SX:

@@ -61,6 +61,11 @@ def symbolic(matrix: Matrix) -> ca.SX:
     return matrix if isinstance(matrix, ca.SX) else _constant(matrix.shape, np.asarray(matrix, dtype=float).tobytes())
 
 
+def symbols(X: Pose) -> Pose:
+    """The same pose, both entries as `SX`: what methods of parts are called with."""
+    return Pose(symbolic(X.rotation), symbolic(X.position))
+
+
 @functools.lru_cache(maxsize=4096)
 def _constant(shape: tuple[int, ...], entries: bytes) -> ca.SX:
     """Numbers as `SX`: the same few are asked for many times."""

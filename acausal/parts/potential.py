@@ -11,7 +11,7 @@ import casadi as ca
 from acausal.language.connector import Frame
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
-from acausal.parts.pose import Pose, symbolic, vee
+from acausal.parts.pose import Pose, symbolic, symbols, vee
 
 _UNCONNECTED = "It acts between two parts: connect both of its frames."
 
@@ -39,7 +39,7 @@ class AbstractPotential(AbstractForce, ABC):
 
     @final
     def actions(self, placement: Placement) -> tuple[Action, ...]:
-        X = placement.relative_pose(self.frame_a, self.frame_b)
+        X = symbols(placement.relative_pose(self.frame_a, self.frame_b))
         R, p = symbolic(X.rotation), symbolic(X.position)
         wrench = _at_pose(X, lambda R, p: self._virtual_work(R, p, placement.t))
         torque, force = self.damping(X, *_relative_twist(self, placement), placement.t)
@@ -55,11 +55,11 @@ class AbstractPotential(AbstractForce, ABC):
 
     @final
     def potential_energy(self, placement: Placement) -> ca.SX:
-        return ca.SX(self.potential(placement.relative_pose(self.frame_a, self.frame_b), placement.t))
+        return ca.SX(self.potential(symbols(placement.relative_pose(self.frame_a, self.frame_b)), placement.t))
 
     @final
     def power_loss(self, placement: Placement) -> ca.SX:
-        X, twist = placement.relative_pose(self.frame_a, self.frame_b), _relative_twist(self, placement)
+        X, twist = symbols(placement.relative_pose(self.frame_a, self.frame_b)), _relative_twist(self, placement)
         torque, force = self.damping(X, *twist, placement.t)
         t = placement.t
         supplied = _at_pose(X, lambda R, p: ca.jtimes(ca.SX(self.potential(Pose(R, p), t)), t, ca.SX(1)))

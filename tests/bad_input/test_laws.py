@@ -27,6 +27,7 @@ from components import (
     NonlinearSpring,
     Particle,
     PointOnPlane,
+    Prismatic,
     Revolute,
     RigidBody,
     RollingBall,
@@ -63,6 +64,20 @@ def constraint(closure: Callable[..., Any] | None = None, **more: Callable[..., 
     """Builds a ball that a constraint with these methods holds."""
     methods = {"closure": closure or (lambda self, X, t: symbolic(X.position)[2]), **more}
     return lambda: held_by(type("Own", (AbstractConstraint,), {**methods, "__module__": __name__})())
+
+
+def on_rail(closure: Callable[..., Any]) -> Callable[[], object]:
+    """Builds a ball that slides along x and that a constraint holds."""
+
+    def call() -> object:
+        scene = ac.System()
+        scene.world, scene.rail, scene.ball = World(), Prismatic("x"), RigidBody.ball(1.0, 0.1)
+        scene.own = type("Own", (AbstractConstraint,), {"closure": closure, "__module__": __name__})()
+        scene.connect(scene.world.frame, scene.rail.frame_a, scene.own.frame_a)
+        scene.connect(scene.rail.frame_b, scene.ball.frame, scene.own.frame_b)
+        return ac.build(scene)
+
+    return call
 
 
 def joint(**methods: Callable[..., Any]) -> Callable[[], object]:
@@ -190,6 +205,9 @@ CASES = [
     Wrong("closure that gives a list", constraint(lambda self, X, t: [symbolic(X.position)[2]]), MODEL, ("column",)),
     Wrong("closure that forgets the time", constraint(lambda self, X: symbolic(X.position)[2]), MODEL, (HERE, "closure(X_ab, t) fails", "2 positional")),
     Wrong("closure with a misspelt name", constraint(lambda self, X, t: X.positoin), MODEL, (f"fails at tests/bad_input/{HERE}", "positoin")),
+    Wrong("closure by Python's max", constraint(lambda self, X, t: max(X.position[2], X.position[1])), MODEL, (f"fails at tests/bad_input/{HERE}", "truth value", "ca.fmax")),
+    Wrong("closure with a misspelt attribute", constraint(lambda self, X, t: X.position[2] - self.radius), MODEL, (f"fails at tests/bad_input/{HERE}", "has no 'radius'")),
+    Wrong("closure that is a square where it begins", on_rail(lambda self, X, t: X.position[2] - ca.sumsqr(X.position[:2])), errors.LockedError, ("'own'", "locked")),
     Wrong("closure that forbids nothing", constraint(lambda self, X, t: ca.vertcat(symbolic(X.position)[2], 1)), MODEL, ("row 1", "forbids nothing")),
     Wrong("closure with a matrix", constraint(lambda self, X, t: symbolic(X.rotation)), MODEL, ("(3, 3)", "column")),
     Wrong("closure with a lost parameter", constraint(lambda self, X, t: symbolic(X.position)[2] - ac.Parameter(0.1, "m").sx), MODEL, ("own (", "closure")),

@@ -13,7 +13,7 @@ from acausal.parts.constraint import AbstractConstraint
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.pose_check import one_sided_rows
-from components import Force, Pulley, Revolute, RigidBody, World
+from components import CartesianTranslation, Force, Planar, Prismatic, Pulley, Revolute, RigidBody, World
 from tests.conformance.catalogue import kinds, made
 
 PULLEY = Pulley(World().frame, 0.05)
@@ -148,3 +148,42 @@ def test_what_constraints_that_move_by_themselves_bring_in_is_known(closure, rat
     scene.connect(scene.own.frame_b, scene.body.frame)
     run = ac.build(scene).simulate(0.7)  # warnings are errors
     assert run.energy_error() < 1e-8 and np.ptp(run.energy) > 1e-3
+
+
+def upright(slips: bool) -> AbstractConstraint:
+    """Asks with entries of the pose as they are given, of which joints may leave nothing but numbers: x of frame_b stays level, or its origin does not go along x."""
+
+    class Own(AbstractConstraint):
+        def closure(self, X_ab: Pose, t: ca.SX) -> ca.SX:
+            return ca.SX(0, 1) if slips else X_ab.rotation[2, 0]
+
+        def closure_rates(self, X_ab: Pose, w_ab_b: ca.SX, v_ab_b: ca.SX, t: ca.SX) -> ca.SX:
+            return (X_ab.rotation @ v_ab_b)[:1] if slips else ca.SX(0, 1)
+
+    return Own()
+
+
+@pytest.mark.parametrize(
+    ("joint", "level", "held"),
+    [
+        (CartesianTranslation, 3, 2),
+        (lambda: Prismatic("y"), 1, 1),
+        (lambda: Planar("z"), 3, 2),
+        (lambda: Revolute("z"), 1, 1),
+        (lambda: Revolute("y"), None, 1),
+    ],
+)
+def test_methods_of_parts_are_given_symbols_where_joints_leave_numbers(joint, level: int | None, held: int):
+    """Freedoms that are left, by hand."""
+    for slips, expected in ((False, level), (True, held)):
+        scene = ac.System()
+        scene.world, scene.joint, scene.own, scene.body = (
+            World(gravity=None),
+            joint(),
+            upright(slips),
+            RigidBody(1.0, 0.1 * np.eye(3)),
+        )
+        scene.connect(scene.world.frame, scene.joint.frame_a, scene.own.frame_a)
+        scene.connect(scene.joint.frame_b, scene.body.frame, scene.own.frame_b)
+        if expected is not None:
+            assert ac.build(scene).degrees_of_freedom == expected
