@@ -242,3 +242,24 @@ def test_failures_are_pickled_with_what_was_computed():
     again = pickle.loads(pickle.dumps(caught.value))
     assert str(again) == str(caught.value)
     assert np.array_equal(again.trajectory["elbow.q"], caught.value.trajectory["elbow.q"])
+
+
+@pytest.mark.parametrize("make", [DoublePendulum, bennett_linkage, Bicycle])
+def test_frames_that_were_asked_for_after_the_build_stand_in_no_way_of_copies(make: Callable[[], ac.System]):
+    """A model knows the frames that it was built with; others are read of it, here and elsewhere."""
+    scene = make()
+    model = ac.build(scene)
+    bodies = [part.component for part in model.system.flat.parts if isinstance(part.component, RigidBody)]
+    start = {next(name for name in reversed(model.state_names) if re.search(r"\.v\b", name)): ac.near(0.3)}
+    run = model.simulate(0.1, start, samples=3)
+    places = [frame.position for body in bodies for frame in (body.centre, body.at((0.1, -0.2, 0.3)))]
+    expected = [run[place] for place in places]
+    model_again, run_again, places_again = pickle.loads(pickle.dumps((model, run, places)))
+    for other in (
+        run_again,
+        model_again.simulate(0.1, start, samples=3),
+        copy.deepcopy(model_again).simulate(0.1, start, samples=3),
+    ):
+        assert np.array_equal(other.x, run.x)
+    for place, again, values in zip(places, places_again, expected, strict=True):
+        assert np.array_equal(run[place], values) and np.array_equal(run_again[again], values)

@@ -31,7 +31,11 @@ def rigid_groups(flat: FlatSystem) -> tuple[Group, ...]:
     for path, part in parts.items():
         if isinstance(part.component, AbstractGround):
             links.append(_Link(_GROUND, path, Pose.identity()))
-        links += [_Link(path, set_of[attachment.connector], attachment.pose) for attachment in _attachments(part)]
+        links += [
+            _Link(path, set_of[attachment.connector], attachment.pose)
+            for attachment in _attachments(part)
+            if attachment.connector in set_of
+        ]
     graph: Graph[str | int] = Graph([_GROUND, *parts, *range(len(sets))], [(link.start, link.end) for link in links])
     islands = sorted(graph.parts(), key=lambda nodes: _GROUND not in nodes)
     return tuple(_group(flat, graph, links, nodes, parts, sets) for nodes in islands)
