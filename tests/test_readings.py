@@ -324,6 +324,24 @@ def test_a_bearing_brakes_by_the_force_that_it_carries():
     assert np.max(np.abs(ends[0][-1])) < 0.9
 
 
+@pytest.mark.parametrize("arm", [0.05, 0.02])
+def test_laws_go_through_where_a_component_that_they_read_vanishes(arm):
+    """There nothing is left of it but what rounding makes of the terms that cancel: rates are smooth all around."""
+    scene = four_bar()
+    F = scene.a.frame_b.force
+    scene.brake = TorqueSource(-arm * np.tanh(scene.a.v / 0.3) * np.sqrt(F[0] ** 2 + F[2] ** 2 + 1e-6))
+    scene.connect(scene.brake.flange, scene.a.flange)
+    run = ac.build(scene).simulate(1.0, {scene.a.q: 1.0, scene.a.v: 3.0}, rtol=1e-9, events=[ac.when(F[0]), ac.when(F[2])])
+    assert run.events
+    for event in run.events:
+        x = run.solution.dense(np.array([event.time]))[:, 0]
+        half = x.size // 2
+        along = np.concatenate([x[half:], np.zeros(half)])
+        places = [x + d * along for d in np.logspace(-13, -7, 60)]
+        rates = np.array([run.functions.explicit_dynamics(0, place, [], run.problem.parameters) for place in places])[:, half:]
+        assert np.ptp(rates, axis=0).max() < 1e-4
+
+
 @pytest.mark.parametrize("reading", READINGS.values(), ids=READINGS)
 def test_a_source_on_a_flange_reads_what_a_force_may_read(reading):
     """It turns the hinge as a torque of the same expression does, and its work is counted."""

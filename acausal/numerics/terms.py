@@ -32,6 +32,41 @@ def rounded(expression: ca.SX) -> ca.SX:
     return found
 
 
+def squares_of_terms(expression: ca.SX) -> ca.SX:
+    """For each entry (n, 1) the sum of the squares of its terms, carried through sums, products and quotients: without absolute values, which would be
+    switches where steps of a motion end, and without slopes, which have borders."""
+    symbols = ca.symvar(expression)
+    function = ca.Function("rows", [ca.vertcat(ca.SX(0, 1), *symbols)], [ca.densify(expression)])
+    work: dict[int, tuple[ca.SX, ca.SX]] = {}
+    found = ca.SX.zeros(expression.numel())
+    for k in range(function.n_instructions()):
+        code, inputs, outputs = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
+        if code == ca.OP_OUTPUT:
+            found[outputs[1]] = work[inputs[0]][1]
+        elif code in (ca.OP_INPUT, ca.OP_CONST):
+            value = symbols[inputs[1]] if code == ca.OP_INPUT else ca.SX(function.instruction_constant(k))
+            work[outputs[0]] = value, _square(value)
+        else:
+            arguments = [work[i] for i in inputs]
+            values = [value for value, _ in arguments]
+            work[outputs[0]] = _applied(code, *values), _square_of_result(code, values, [square for _, square in arguments])
+    return found
+
+
+def _square_of_result(code: int, values: list[ca.SX], squares: list[ca.SX]) -> ca.SX:
+    if code in _COPIES or code == ca.OP_NEG:
+        return squares[0]
+    if code in (ca.OP_ADD, ca.OP_SUB):
+        return _sum(*squares)
+    if code == ca.OP_MUL:  # as nothing is said of a factor of one, which is left out
+        shares = [_product(_square(values[1 - i]), squares[i]) for i in (0, 1) if not values[i].is_constant()]
+        return functools.reduce(_sum, shares)
+    if code == ca.OP_TWICE:
+        return _product(_FOUR, squares[0])
+    own = _square(_applied(code, *values))
+    return _sum(own, _applied(ca.OP_DIV, squares[0], _square(values[1]))) if code == ca.OP_DIV else own
+
+
 def finite(sizes: np.ndarray) -> np.ndarray:
     """Sizes of terms, zero where a slope has no value."""
     result = sizes.copy()
@@ -72,7 +107,8 @@ def _applied(code: int, *values: ca.SX) -> ca.SX:
 _size = functools.partial(_applied, ca.OP_FABS)
 _sum = functools.partial(_applied, ca.OP_ADD)
 _product = functools.partial(_applied, ca.OP_MUL)
-_ONE, _TWO = ca.SX(1), ca.SX(2)
+_square = functools.partial(_applied, ca.OP_SQ)
+_ONE, _TWO, _FOUR = ca.SX(1), ca.SX(2), ca.SX(4)
 
 
 @functools.cache

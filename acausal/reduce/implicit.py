@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 
 import casadi as ca
+import numpy as np
 
 from acausal.dynamics.system import MechanicalSystem
 from acausal.errors import ModelError
@@ -14,12 +15,18 @@ from acausal.language.expression import Derivative, Symbol
 from acausal.loops.constraints import Constraints
 from acausal.loops.reactions import Reactions
 from acausal.numerics.elimination import solved_by_qr
+from acausal.numerics.terms import squares_of_terms
 from acausal.scalar.coupling import ScalarPart
 
 _STEPS = 7
 """Of Newton's iteration, which begins without these laws; each doubles the digits."""
 _CLOSED = 1e-9
 """Part of the terms of a reading that may be left open: beyond it Newton's iteration has not come to a solution."""
+
+
+_LOST = 64 * float(np.finfo(float).eps)
+"""Times the sizes of all that a reading is made of, what rounding may leave open of it: its slopes in the readings are of the order of one where Newton's
+iteration ends."""
 
 
 def with_reactions(
@@ -121,9 +128,10 @@ def _solved(y: ca.SX, read: ca.SX, phi: ca.SX, laws: ca.SX) -> ca.SX:
     for _ in range(_STEPS):
         found = ca.substitute(step, y, found)
     squares = y * y + first * first + (R * R) @ (laws * laws)
-    gap, squares = ca.substitute([y - value, squares], [y], [found])
+    lost = squares_of_terms(value)  # a reading may pass through zero where the terms of it do not
+    gap, squares = ca.substitute([y - value, _CLOSED**2 * squares + _LOST**2 * lost], [y], [found])
     # a root and no comparison, which would be a switch at which steps end
-    open_ones = ca.sum1(ca.sqrt(_CLOSED**2 * squares + _LEAST - gap * gap))
+    open_ones = ca.sum1(ca.sqrt(squares + _LEAST - gap * gap))
     return found * (1 + _NOTHING * open_ones)
 
 
