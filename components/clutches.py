@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from abc import ABC
 from collections.abc import Callable, Iterable
 from typing import Any, final
@@ -91,14 +92,14 @@ def _adjustable_only(value: float | Expression) -> bool:
 
 def _not_below(holding: float | Expression, sliding: float | Expression, name: str) -> None:
     """Raises `ParameterError` where it holds with less than it slides with, also by the values of parameters."""
+    asked(holding - sliding, functools.partial(_check_holding, name=name))
 
-    def check(found: float) -> None:
-        if not found >= 0:
-            raise ParameterError(
-                f"{name}'s holding is {-found:g} below its capacity ({origin()}). What it takes to make it slip is at least what it slips with."
-            )
 
-    asked(holding - sliding, check)
+def _check_holding(more: float, name: str) -> None:
+    if not more >= 0:
+        raise ParameterError(
+            f"{name}'s holding is {-more:g} below its capacity ({origin()}). What it takes to make it slip is at least what it slips with."
+        )
 
 
 @final

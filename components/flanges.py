@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from abc import ABC
 from collections.abc import Callable
 from typing import Any, ClassVar
@@ -82,11 +83,11 @@ def gate_of(value: Scalar | Callable[[Any], Any], what: str) -> Expression:
 
 def asked(value: float | Expression, check: Callable[[float], None]) -> float | Expression:
     """The same value; `check` raises `ParameterError` for numbers that it must not have, now and as other values of parameters."""
-
-    def of_array(found: np.ndarray) -> None:
-        check(found.item())
-
     if isinstance(value, Expression):
-        return checked(value, of_array)
+        return checked(value, functools.partial(_of_array, check=check))
     check(value)
     return value
+
+
+def _of_array(found: np.ndarray, check: Callable[[float], None]) -> None:
+    check(found.item())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 from typing import final
 
@@ -23,13 +24,19 @@ _UNFED = "An input needs a value: connect it to an output, e.g. of a sensor."
 
 
 def _above(upper: float | Expression, lower: float | Expression, name: str) -> None:
-    def check(found: float) -> None:
-        if not found > 0:
-            raise ParameterError(
-                f"{name}'s upper bound is {found:g} above the lower one ({origin()}). Give lower < upper: without play it would chatter."
-            )
+    asked(upper - lower, functools.partial(_check_play, name=name))
 
-    asked(upper - lower, check)
+
+def _check_play(play: float, name: str) -> None:
+    if not play > 0:
+        raise ParameterError(
+            f"{name}'s upper bound is {play:g} above the lower one ({origin()}). Give lower < upper: without play it would chatter."
+        )
+
+
+def _check_order(play: float) -> None:
+    if not play >= 0:
+        raise ParameterError(f"Limiter's upper bound is {-play:g} below the lower one ({origin()}). Give lower <= upper.")
 
 
 @final
@@ -102,14 +109,7 @@ class Limiter(Component):
 
     def __init__(self, lower: Scalar, upper: Scalar) -> None:
         self.lower, self.upper = scalar(lower, "Limiter's lower"), scalar(upper, "Limiter's upper")
-
-        def check(found: float) -> None:
-            if not found >= 0:
-                raise ParameterError(
-                    f"Limiter's upper bound is {-found:g} below the lower one ({origin()}). Give lower <= upper."
-                )
-
-        asked(self.upper - self.lower, check)
+        asked(self.upper - self.lower, _check_order)
 
     def equations(self) -> Iterable[Equation]:
         value = ca.fmin(ca.fmax(self.input.value.sx, sx(self.lower)), sx(self.upper))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable
 from typing import Any, final
 
@@ -18,15 +19,16 @@ _HELD = "Connect both flanges; to hold one, connect it to a RotationalGround."
 
 def not_zero(value: float | Expression, what: str) -> float | Expression:
     """The value of a ratio; raises `ParameterError` for 0, also as the value of a parameter."""
-
-    def check(found: object) -> None:
-        if found == 0.0:
-            raise ParameterError(f"{what} is 0 ({origin()}): nothing would be transmitted. Give a number that is not zero.")
-
+    check = functools.partial(_check_not_zero, what=what)
     if isinstance(value, Expression):
         return checked(value, check)
     check(value)
     return value
+
+
+def _check_not_zero(value: object, what: str) -> None:
+    if value == 0.0:
+        raise ParameterError(f"{what} is 0 ({origin()}): nothing would be transmitted. Give a number that is not zero.")
 
 
 @final

@@ -90,10 +90,10 @@ class Backlash(AbstractLimits):
 
 def _above(upper: float | Expression, lower: float | Expression) -> None:
     """Raises `ParameterError` unless upper > lower, also by the values of parameters."""
+    asked(upper - lower, _check_order)
 
-    def check(found: float) -> None:
-        if not found > 0:
-            how = f"{-found:g} below" if found < 0 else "at"
-            raise ParameterError(f"EndStop's upper is {how} its lower ({origin()}). Exchange them, or leave one out.")
 
-    asked(upper - lower, check)
+def _check_order(play: float) -> None:
+    if not play > 0:
+        how = f"{-play:g} below" if play < 0 else "at"
+        raise ParameterError(f"EndStop's upper is {how} its lower ({origin()}). Exchange them, or leave one out.")

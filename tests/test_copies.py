@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import multiprocessing
 import pickle
 import re
@@ -16,7 +17,8 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import SimulationError, UnknownVariableError
+import components
+from acausal.errors import AcausalError, SimulationError, UnknownVariableError
 from acausal.loops.constraints import analyse_constraints
 from acausal.reduce.reduce import reduce_system
 from components import Prismatic, Revolute, RigidBody, Spring, World
@@ -263,3 +265,34 @@ def test_frames_that_were_asked_for_after_the_build_stand_in_no_way_of_copies(ma
         assert np.array_equal(other.x, run.x)
     for place, again, values in zip(places, places_again, expected, strict=True):
         assert np.array_equal(run[place], values) and np.array_equal(run_again[again], values)
+
+
+FITTING = {"lower": -1.0, "static": 0.9, "mu": 0.5, "restitution": 0.4, "half_angle": 0.5, "tube": 0.3, "holding": 3.0}
+"""Arguments of parts that cannot be one."""
+
+
+def with_a_parameter(cls: type, name: str) -> tuple[Any, ac.Parameter] | None:
+    """A part with a parameter in one argument, in the shape that it takes there; None where it takes none."""
+    names = [n for n, p in inspect.signature(cls).parameters.items() if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+    needed = [n for n in names if inspect.signature(cls).parameters[n].default is inspect.Parameter.empty]
+    for count in (1, 3, 6):
+        parameter = ac.Parameter(FITTING.get(name, 1.0))
+        given = {n: FITTING.get(n, 1.0) for n in needed} | {name: parameter if count == 1 else (parameter,) * count}
+        try:
+            return cls(**given), parameter
+        except (AcausalError, TypeError, AttributeError, ValueError):
+            continue
+    return None
+
+
+def test_parts_with_parameters_in_them_are_pickled_whatever_is_asked_of_these():
+    count = 0
+    for name in components.__all__:
+        cls = getattr(components, name)
+        for argument in inspect.signature(cls).parameters:
+            made = with_a_parameter(cls, argument)
+            if made is not None:
+                part, parameter = pickle.loads(pickle.dumps(made))
+                assert type(part) is cls and parameter.value == made[1].value
+                count += 1
+    assert count > 120

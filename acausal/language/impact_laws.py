@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from abc import ABC
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -81,13 +82,13 @@ def impact_law(value: Restitution, what: str) -> AbstractImpactLaw:
 
 def _from_0_to_1(value: Scalar, what: str) -> float | Expression:
     given = scalar(value, what, non_negative=True, unit="1")
-
-    def check(left: np.ndarray) -> None:
-        if left.item() < 0:
-            raise ParameterError(f"{what} is {1 - left.item():g} ({origin()}). Give a number from 0 (no bounce) to 1 (no loss).")
-
-    checked_below(1.0, given, check)
+    checked_below(1.0, given, functools.partial(_check_left, what=what))
     return given
+
+
+def _check_left(left: np.ndarray, what: str) -> None:
+    if left.item() < 0:
+        raise ParameterError(f"{what} is {1 - left.item():g} ({origin()}). Give a number from 0 (no bounce) to 1 (no loss).")
 
 
 def checked_below(most: Scalar, value: Scalar, check: Callable[[np.ndarray], None]) -> None:

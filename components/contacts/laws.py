@@ -251,15 +251,7 @@ class Coulomb:
         if not (patch is None or isinstance(patch, Patch)):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise ParameterError(f"Coulomb's patch is {patch!r} ({origin()}). Give Patch(radius), or None for a point.")
         self.patch = patch
-
-        def check(found: np.ndarray) -> None:
-            if found.item() < 0:
-                raise ParameterError(
-                    f"Coulomb's static is less than its mu, by {-found.item():g} ({origin()}). What sticks holds at least as well as what slips: "
-                    "Coulomb(0.3, static=0.4), or one number for both."
-                )
-
-        checked_below(self.static, self.mu, check)
+        checked_below(self.static, self.mu, _check_static)
 
 
 @final
@@ -278,6 +270,14 @@ class Hard:
         if not (friction is None or isinstance(friction, Coulomb)):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise ParameterError(f"Hard's friction is {friction!r} ({origin()}). Give Coulomb(0.3), or None where it is smooth.")
         self.friction = friction
+
+
+def _check_static(more: np.ndarray) -> None:
+    if more.item() < 0:
+        raise ParameterError(
+            f"Coulomb's static is less than its mu, by {-more.item():g} ({origin()}). What sticks holds at least as well as what slips: "
+            "Coulomb(0.3, static=0.4), or one number for both."
+        )
 
 
 def checked_restitution(restitution: Restitution, part: str) -> AbstractImpactLaw:

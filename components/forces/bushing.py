@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import final
 
 import casadi as ca
@@ -65,16 +66,18 @@ def _matrix(value: Scalar, name: str) -> np.ndarray | Expression:
             f"{what} has the shape {entries.shape} ({origin()}). Give six numbers or a matrix (6, 6): turns first."
         )
 
-    def check(matrix: np.ndarray) -> None:
-        size = float(np.max(np.abs(matrix), initial=0.0))
-        if not np.isfinite(matrix).all() or np.max(np.abs(matrix - matrix.T)) > _EVEN * size:
-            raise ParameterError(f"{what} is {matrix.tolist()} ({origin()}). It must be finite and symmetric.")
-        ends = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))  # turns and lengths have other units
-        if np.linalg.eigvalsh(matrix / np.outer(ends, ends))[0] < -_EVEN:
-            raise ParameterError(f"{what} has a negative direction ({origin()}): {matrix.tolist()}. No mount gives energy away.")
-
+    check = functools.partial(_check_mount, what=what)
     if found:
         return checked(Expression(formula(ca.densify(entries), what), found), check)
     numbers = np.array(ca.DM(ca.evalf(ca.densify(entries))))
     check(numbers)
     return numbers
+
+
+def _check_mount(matrix: np.ndarray, what: str) -> None:
+    size = float(np.max(np.abs(matrix), initial=0.0))
+    if not np.isfinite(matrix).all() or np.max(np.abs(matrix - matrix.T)) > _EVEN * size:
+        raise ParameterError(f"{what} is {matrix.tolist()} ({origin()}). It must be finite and symmetric.")
+    ends = np.sqrt(np.where(np.diag(matrix) > 0, np.diag(matrix), 1.0))  # turns and lengths have other units
+    if np.linalg.eigvalsh(matrix / np.outer(ends, ends))[0] < -_EVEN:
+        raise ParameterError(f"{what} has a negative direction ({origin()}): {matrix.tolist()}. No mount gives energy away.")

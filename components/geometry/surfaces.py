@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Any, ClassVar, final
@@ -138,17 +139,18 @@ def _around_and_along(n: ca.SX) -> ca.SX:
 def sharp(half_angle: Scalar, what: str) -> float | Expression:
     """A cone's half angle [rad], from its axis to its side. Raises `ParameterError` where it is none."""
     angle = scalar(half_angle, what, positive=True, unit="rad")
-
-    def check(found: np.ndarray) -> None:
-        if not found.item() < np.pi / 2:
-            raise ParameterError(
-                f"{what} is {found.item():g} rad ({origin()}), from the axis to the side: it must be below pi / 2. Degrees are np.radians(30)."
-            )
-
+    check = functools.partial(_check_sharp, what=what)
     if isinstance(angle, Expression):
         return checked(angle, check)
     check(np.array(angle))
     return angle
+
+
+def _check_sharp(angle: np.ndarray, what: str) -> None:
+    if not angle.item() < np.pi / 2:
+        raise ParameterError(
+            f"{what} is {angle.item():g} rad ({origin()}), from the axis to the side: it must be below pi / 2. Degrees are np.radians(30)."
+        )
 
 
 def checked_surface(surface: object, part: str, role: str = "surface") -> AbstractSurface:
