@@ -225,7 +225,7 @@ VALUES = 0.3 * np.sin(2 * TIMES) * TIMES
 @pytest.mark.parametrize(
     "spline",
     [
-        CubicSpline(TIMES, VALUES), PchipInterpolator(TIMES, VALUES), Akima1DInterpolator(TIMES, VALUES), make_interp_spline(TIMES, VALUES, k=5),
+        CubicSpline(TIMES, VALUES), PchipInterpolator(TIMES, VALUES), Akima1DInterpolator(TIMES, VALUES), make_interp_spline(TIMES, VALUES, k=5), make_interp_spline(TIMES, VALUES, k=7),
         CubicSpline(TIMES, np.append(VALUES[:-1], VALUES[0]), bc_type="periodic"), PchipInterpolator(TIMES, VALUES, extrapolate=False),
     ],
     ids=lambda s: type(s).__name__,
@@ -237,6 +237,19 @@ def test_splines_are_what_scipy_makes_of_them(spline):
     wanted = spline(times)
     assert np.array_equal(np.isnan(found), np.isnan(wanted))
     assert np.nanmax(np.abs(found - wanted)) < 1e-14
+
+
+@pytest.mark.parametrize("degree", [6, 9, 11])
+def test_splines_of_any_degree_are_formulas(degree):
+    """Also where scipy's own way to their pieces ends the process."""
+    samples = np.linspace(0, 2, 23)
+    spline, times = make_interp_spline(samples, 0.3 * np.sin(2 * samples) * samples, k=degree), np.linspace(0, 2, 101)
+    angle = AngleSource(spline).angle.sx
+    for m in range(3):
+        found = np.array(ca.Function("angle", [ac.time.sx], [angle])(times)).ravel()
+        wanted = spline(times, m)
+        assert np.max(np.abs(found - wanted)) < 1e-11 * np.max(np.abs(wanted))
+        angle = ca.jacobian(angle, ac.time.sx)
 
 
 def test_a_spline_drives_a_hinge():

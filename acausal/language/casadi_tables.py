@@ -11,6 +11,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.language.interpolant import polynomials_of
+
 _SIZES = {"J": 8, "d": 8}
 _CODES = {"J": "<q", "d": "<d"}
 _AGREED = 1e-10
@@ -144,7 +146,7 @@ def _table(function: ca.Function) -> _Table | None:
 
 def _product(axes: list[np.ndarray], degrees: list[int], values: np.ndarray, linear: bool) -> _Table | None:
     """Of knots along each argument, and values whose first index runs first; beyond linear ones go on, others are zero, as in CasADi."""
-    from scipy.interpolate import BSpline, PPoly
+    from scipy.interpolate import BSpline
 
     counts = [axis.size - degree - 1 for axis, degree in zip(axes, degrees, strict=True)]
     if np.prod(counts) != values.size or min(counts) < 1:
@@ -152,7 +154,7 @@ def _product(axes: list[np.ndarray], degrees: list[int], values: np.ndarray, lin
     found, begins = values.reshape(counts, order="F"), list[np.ndarray]()
     for k, (axis, degree, count) in enumerate(zip(axes, degrees, counts, strict=True)):
         real = np.diff(axis) > 0
-        each = [PPoly.from_spline(BSpline(axis, unit, degree)).c[:, real].T for unit in np.eye(count)]
+        each = [polynomials_of(BSpline(axis, unit, degree)).c[:, real].T for unit in np.eye(count)]
         basis, starts = np.stack(each, axis=2), axis[:-1][real]
         if not linear:
             none = np.zeros_like(basis[:1])

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import casadi as ca
@@ -10,6 +11,9 @@ import numpy as np
 from acausal.errors import ParameterError
 from acausal.language.origin import origin
 from acausal.language.pieces import PiecewisePolynomial
+
+_FITPACK = 5
+"""The largest degree of splines that it knows."""
 
 
 def is_spline(value: object) -> bool:
@@ -39,7 +43,7 @@ def pieces_of(spline: Any) -> list[PiecewisePolynomial]:
     if isinstance(spline, UnivariateSpline):
         spline = BSpline(*spline._eval_args)  # pyright: ignore[reportPrivateUsage]  # scipy has no other way to its knots
     if isinstance(spline, BSpline):
-        spline = PPoly.from_spline(spline, extrapolate=spline.extrapolate)
+        spline = polynomials_of(spline)
     if not isinstance(spline, PPoly) or np.iscomplexobj(spline.c) or spline.c.ndim > 3:
         raise ParameterError(
             f"{type(spline).__name__} of scipy is no piecewise polynomial of one variable ({origin()}). Use ac.samples(times, values), or of scipy "
@@ -52,6 +56,17 @@ def pieces_of(spline: Any) -> list[PiecewisePolynomial]:
         return [PiecewisePolynomial(knots[:-1], column, first, last - first) for column in np.moveaxis(columns, 2, 0)]
     outside = None if spline.extrapolate else (np.nan, np.nan)
     return [_ended(knots, column, outside) for column in np.moveaxis(columns, 2, 0)]
+
+
+def polynomials_of(spline: Any) -> Any:
+    """The pieces of a `BSpline` of any degree, as scipy's `PPoly`: scipy's own way there ends the process above degree 5."""
+    from scipy.interpolate import BSpline, PPoly
+
+    if spline.k <= _FITPACK:
+        return PPoly.from_spline(spline, extrapolate=spline.extrapolate)
+    plain = BSpline(spline.t, spline.c, spline.k)
+    slopes = [(plain.derivative(m) if m else plain)(spline.t[:-1]) / math.factorial(m) for m in range(spline.k + 1)]
+    return PPoly.construct_fast(np.array(slopes[::-1]), spline.t, spline.extrapolate)
 
 
 def _ended(knots: np.ndarray, coefficients: np.ndarray, outside: tuple[float, float] | None) -> PiecewisePolynomial:
