@@ -12,6 +12,7 @@ import acausal as ac
 from acausal.errors import OptionError, SimulationError, SingularWarning, StartValueError
 from acausal.runtime.native import Outcome, Run
 from components import (
+    Cable,
     Force,
     ForceSource,
     Particle,
@@ -378,6 +379,28 @@ def test_what_start_values_leave_open_has_the_derivatives_of_the_start_that_is_f
         expected = np.array([(a - 8 * b + 8 * c - d) / 12e-3 for a, b, c, d in around]).T
         assert np.max(np.abs(expected)) > 0.5
         assert found.S[k] * [1.0, 1.0, size] == pytest.approx(expected, abs=1e-6 * np.max(np.abs(expected)))
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
+def test_derivatives_of_a_start_that_bends_far_below_the_size_of_its_coordinates_are_as_good(size):
+    """A weight on a cable over an eyelet on a cart: by central differences of the start, whose error falls with the fourth power of their step."""
+    scene = ac.System()
+    scene.world, scene.length = World((0, 0, -9.81 * size)), ac.Parameter(2.4 * size, "m")
+    scene.slide, scene.cart, scene.weight = (
+        Prismatic("x"),
+        RigidBody.box(3.0, (0.2 * size,) * 3),
+        Particle(1.0, position=(0.5 * size, 0, -size)),
+    )
+    scene.cable = Cable(scene.length, over=[scene.cart.at((0.1 * size, 0, 0))])
+    scene.connect(scene.world.frame, scene.slide.frame_a)
+    scene.connect(scene.slide.frame_b, scene.cart.frame)
+    scene.connect(scene.world.at((-size, 0, 0.5 * size)), scene.cable.frame_a)
+    scene.connect(scene.cable.frame_b, scene.weight.point)
+    model, start = ac.build(scene), {scene.slide.q: 0.2 * size, scene.weight.point.position[1]: 0.1 * size}
+    found = model.sensitivities([0.0], [scene.length], start).S[0, :, 0]
+    step = 2e-4 * size
+    a, b, c, d = (model.initial_state(start, parameters={scene.length: 2.4 * size + k * step}).x for k in (-2, -1, 1, 2))
+    assert found == pytest.approx((a - 8 * b + 8 * c - d) / (12 * step), abs=1e-9)
 
 
 @pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])

@@ -10,7 +10,9 @@ import numpy as np
 
 _STRIDE = 0.05
 """The first step of differences, as a part of what is much for what moves most."""
-_HALVES = 7
+_HALVES = 14
+_FINE = 1e-10
+"""An estimated error, as a part of the derivative, below which shorter steps only bring rounding: a scene's sizes may be far larger than how far a search bends."""
 _ENOUGH = 1e-3
 """An estimated error, as a part of the derivative, from which on differences tell nothing: branches change next to there, say."""
 
@@ -40,6 +42,8 @@ def by_search(
             if off <= error:
                 best, error = row[-1], off
         rows = row
+        if error <= _FINE * pace:
+            break
     return best if error <= _ENOUGH * pace else None
 
 
