@@ -21,6 +21,8 @@ from components import (
     Revolute,
     RigidBody,
     TorqueSource,
+    TranslationalDamper,
+    TranslationalGround,
     World,
 )
 
@@ -161,6 +163,31 @@ def test_what_strikes_where_a_phase_ends_is_no_error_of_its_last_interval(restit
     best = bounce.solve(2)
     assert best.defect < 1e-7 and [one.t.size for one in best.phases] == [3, 3]
     assert best[1].x[0, -1] == pytest.approx(restitution**2 * height, rel=1e-7)
+
+
+@pytest.mark.parametrize(("restitution", "height", "rate"), [(0.6, 1.0, 2.0), (0.3, 400.0, 0.1), (0.9, 1e-3, 40.0)])
+def test_a_mesh_that_is_coarse_where_something_strikes_is_off_by_no_more_than_it_is(
+    restitution: float, height: float, rate: float
+) -> None:
+    """A fall through what resists by its speed ends at -g t / c + (g / c^2) (1 - e^(-c t)): points lie about that, and it strikes beside the end, a bit before or after."""
+    scene = Ball(restitution)
+    scene.air, scene.wall = TranslationalDamper(0.3 * rate), TranslationalGround()
+    scene.connect(scene.air.flange_a, scene.rail.flange)
+    scene.connect(scene.air.flange_b, scene.wall.flange)
+    model, T, off = ac.build(scene), (height / 5) ** 0.5 + height * rate / 9.81, []
+    for intervals in (1, 3):
+        fall, rise = (ac.OptimalControl(model, ac.free(0.1 * T, 10 * T)) for _ in range(2))
+        fall.start({scene.rail.q: height})
+        fall.end({scene.rail.q: 0})
+        rise.end({scene.rail.v: 0})
+        bounce = ac.phases(fall, rise)
+        bounce.link(fall, rise, impact={scene.ground: "bounces"})
+        first = bounce.solve(intervals, order=3, refinements=0)[0]
+        t = first.duration
+        place = height - 9.81 / rate * t - 9.81 / rate**2 * np.expm1(-rate * t)
+        off.append(abs(place) / height)
+        assert first.defect < 30 * off[-1]
+    assert off[0] > 1e-4
 
 
 def test_a_throw_over_a_wall_goes_on_in_another_scene() -> None:

@@ -36,8 +36,6 @@ _LITTLE = 1e-3
 """Of the unit of the cost: what integrals are measured by that are less."""
 _TOLD = 1e-6
 """Of what is bounded: by how much bounds are left, where that is told."""
-_JUST = 1e-6
-"""Of an interval: so little before its end what strikes may, by the digits that a search leaves, and still belongs to the end."""
 _DIGITS = 1e-8
 """Of what a state is: it does not vary by less, beside rounding."""
 
@@ -48,12 +46,11 @@ def left(cost: float, sharper: float, stages: int) -> float:
     return (_LEFT if change <= _CLEAR * abs(cost) else stages + 1) * change
 
 
-def _before_impact(solution: Solution) -> np.ndarray:
-    """The last state (nx,); where something strikes as good as at the end, which is where phases meet, that before it."""
-    modes, (t, x) = solution.modes, (solution.t, solution.x)
-    just = t[-1] - _JUST * (t[-1] - t[0])
-    strikes = modes.steps[modes.jumped & (modes.begins >= just)] if modes is not None else ()
-    return x[:, min(strikes)] if len(strikes) else x[:, -1]
+def _strikes_at(solution: Solution, since: float) -> int | None:
+    """Number of the time at which something strikes first after a time; None where nothing does."""
+    modes = solution.modes
+    strikes = modes.steps[modes.jumped & (modes.begins > since)] if modes is not None else ()
+    return int(min(strikes)) if len(strikes) else None
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -169,6 +166,7 @@ class Optimum:
         found = np.zeros(self.mesh.intervals)
         for k, x in enumerate(self._simulated):
             found[k] = np.max(np.abs(x[:, -1] - self.x[:, k + 1]) / self.spread)
+        found[-1] = max(found[-1], self._sooner)
         return np.maximum(found, self.lapses)
 
     @functools.cached_property
@@ -213,10 +211,20 @@ class Optimum:
             summed += float(there(np.append(z, more), [at, 0.0]))
         return summed + total.per_second * self.duration
 
-    @functools.cached_property
+    @property
     def _simulated(self) -> list[np.ndarray]:
         """States (nx, places + 1) of each interval between its points and at its end, integrated from the node where it begins."""
-        found, accuracy = list[np.ndarray](), Accuracy.asked(_REPLAYED)
+        return self._simulated_till_impact[0]
+
+    @property
+    def _sooner(self) -> float:
+        """Of the duration: how much before the end, which is where phases meet, something strikes that is to strike there."""
+        return self._simulated_till_impact[1]
+
+    @functools.cached_property
+    def _simulated_till_impact(self) -> tuple[list[np.ndarray], float]:
+        """Where it strikes after the last place that is read and before the end, its state there stands for that at the end: what the plan does from then on is added."""
+        found, accuracy, sooner = list[np.ndarray](), Accuracy.asked(_REPLAYED), 0.0
         inputs = self.run.problem.inputs
         given = inputs.inputs if isinstance(inputs, WithModes) else inputs  # modes are decided anew at each node
         x, last = self._nodes, self.mesh.intervals - 1
@@ -224,13 +232,16 @@ class Optimum:
             read = np.append(times, self.t[k + 1])
             problem = replace(self.run.problem, inputs=given, read=read)
             solution = integrate(problem, x[:, k].copy(), float(self.t[k]), float(read[-1]), accuracy)
-            arrived = solution.status.kind is StatusKind.SUCCESS
-            found.append(
-                np.column_stack([solution.dense(times), _before_impact(solution) if k == last else solution.x[:, -1]])
-                if arrived
-                else np.full((len(self.x), read.size), np.inf)
-            )
-        return found
+            if solution.status.kind is not StatusKind.SUCCESS:
+                found.append(np.full((len(self.x), read.size), np.inf))
+                continue
+            strike, end = _strikes_at(solution, float(times[-1])) if k == last else None, solution.x[:, -1]
+            if strike is not None:
+                at = np.clip((solution.t[[strike]] - self.t[0]) / self.duration, 0.0, 1.0)
+                end = solution.x[:, strike] + self.x[:, -1] - self.motion.at(at)[0, : len(self.x)]
+                sooner = 1.0 - float(at[0])
+            found.append(np.column_stack([solution.dense(times), end]))
+        return found, sooner
 
     @functools.cached_property
     def _nodes(self) -> np.ndarray:
