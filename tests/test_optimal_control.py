@@ -25,8 +25,10 @@ from acausal.optimal_control.whole import whole
 from acausal.simulate.trajectory import Trajectory
 from components import (
     Fixed,
+    Force,
     ForceSource,
     Particle,
+    Planar,
     PositionSource,
     Prismatic,
     Revolute,
@@ -1595,3 +1597,72 @@ def test_forces_of_any_size_are_found(mass: float, time: float) -> None:
     ocp = rest_to_rest(ac.build(scene), scene, time)
     ocp.minimise(ac.integral(scene.force**2))
     assert ocp.solve(5).cost == pytest.approx(12 * mass**2 / time**3, rel=1e-9)
+
+
+class SingleTrack(ac.System):
+    """A car in the plane on two tyres in line, which push aside by their slip; the front one is steered, the rear one drives."""
+
+    def __init__(self, mass: float, inertia: float, front: float, rear: float, stiff: float) -> None:
+        self.steer, self.drive = ac.Input("rad"), ac.Input("N")
+        self.world, self.plane = World(gravity=None), Planar("z")
+        self.body = RigidBody(mass, (inertia, inertia, inertia))
+        self.connect(self.world.frame, self.plane.frame_a)
+        self.connect(self.plane.frame_b, self.body.frame)
+        axles = self.body.at((front, 0, 0)), self.body.at((-rear, 0, 0))
+        along, aside = self.body.frame.rotation[:, 0], self.body.frame.rotation[:, 1]
+        c, s = np.cos(self.steer), np.sin(self.steer)
+        self.turned = c * along + s * aside, c * aside - s * along
+        slips = [
+            axle.velocity.T @ y / (axle.velocity.T @ x) for axle, (x, y) in zip(axles, (self.turned, (along, aside)), strict=True)
+        ]
+        self.tyres = Force(-stiff * slips[0] * self.turned[1]), Force(-stiff * slips[1] * aside + self.drive * along)
+        for tyre, axle in zip(self.tyres, axles, strict=True):
+            self.connect(tyre.point, axle)
+
+
+@pytest.mark.parametrize(("quick", "speed", "aside"), [(False, 25.0, 3.5), (True, 17.0, -2.0)])
+def test_what_drives_goes_on_while_it_changes_lanes(quick: bool, speed: float, aside: float) -> None:
+    """Tyres push by slips, which are nothing where it stands; as the textbook's single-track car does, transcribed by hand for Opti. How far it drives is left open, or how long."""
+    m, J, a, b, C, n = 1500.0, 2500.0, 1.2, 1.5, 8e4, 12
+    car = SingleTrack(m, J, a, b, C)
+    ocp = ac.OptimalControl(ac.build(car), ac.free(1, 8) if quick else 3.0)
+    frame = car.body.frame
+    ocp.start(
+        {frame.position: (0, 0, 0), frame.rotation: np.eye(3), frame.velocity: (speed, 0, 0), frame.angular_velocity: (0, 0, 0)}
+    )
+    end: dict[Any, Any] = {frame.position[1]: aside, car.plane.q[2]: 0, frame.velocity[1]: 0, frame.angular_velocity[2]: 0}
+    ocp.end(end | ({frame.position[0]: 50} if quick else {}))
+    ocp.bound(car.steer, -0.2, 0.2)
+    ocp.bound(car.drive, -6000, 3000)
+    effort = 100 * car.steer**2 + (car.drive / 1e4) ** 2
+    ocp.minimise(ac.integral(effort) + (ocp.duration if quick else 0))
+    best = ocp.solve(n, refinements=0)
+
+    opti, tau = ca.Opti(), ca.collocation_points(3, "radau")
+    slopes, _, weights = ca.collocation_coeff(tau)
+    x, u, T = opti.variable(6, 3 * n + 1), opti.variable(2, 3 * n), opti.variable()
+    cost = T if quick else 0
+    for k in range(3 * n):
+        psi, vx, vy, r = (x[i, k + 1] for i in range(2, 6))
+        d, drive, w = 0.1 * u[0, k], 1e4 * u[1, k], vy + a * r
+        front = -C * (ca.cos(d) * w - ca.sin(d) * vx) / (ca.cos(d) * vx + ca.sin(d) * w)
+        rear = -C * (vy - b * r) / vx
+        places = vx * ca.cos(psi) - vy * ca.sin(psi), vx * ca.sin(psi) + vy * ca.cos(psi), r
+        speeds = (drive - front * ca.sin(d)) / m + vy * r, (front * ca.cos(d) + rear) / m - vx * r
+        rates = ca.vertcat(*places, *speeds, (a * front * ca.cos(d) - b * rear) / J)
+        first, j = k // 3 * 3, k % 3
+        opti.subject_to(x[:, first : first + 4] @ slopes[:, j] == T / n * rates)
+        cost += T / n * weights[j] * (100 * d**2 + (drive / 1e4) ** 2)
+    opti.subject_to(x[:, 0] == ca.DM([0, 0, 0, speed, 0, 0]))
+    opti.subject_to(x[[1, 2, 4, 5], -1] == ca.DM([aside, 0, 0, 0]))
+    opti.subject_to(x[0, -1] == 50 if quick else T == 3)
+    opti.subject_to(opti.bounded(-2, u[0, :], 2))
+    opti.subject_to(opti.bounded(-0.6, u[1, :], 0.3))
+    opti.set_initial(x[3, :], speed)
+    opti.set_initial(T, 3)
+    opti.minimize(cost)
+    opti.solver("ipopt", {"print_time": False, "expand": True, "ipopt.print_level": 0, "ipopt.sb": "yes"})
+    solved = opti.solve()
+    assert best.cost == pytest.approx(float(solved.value(cost)), rel=1e-6)
+    assert best.duration == pytest.approx(float(solved.value(T)), rel=1e-6)
+    assert best.run[car.plane.v][-1] == pytest.approx(solved.value(x)[3:, -1], abs=1e-2)

@@ -18,6 +18,8 @@ _HELD = 1e-3
 """How easily coordinates move that are told how to."""
 _CLOSINGS = 20
 """Newton steps for each point of the path, at most."""
+_SPEEDS = 2.5
+"""Times the mean speed from stop to stop: with more than that at an end a smooth path goes back on its way."""
 _EASILY = 3.0
 """How much more multipliers and inputs do than accelerations change, where one moves the scene as the other."""
 
@@ -61,7 +63,7 @@ def path_guess(
     around: int = -1,
 ) -> Guess:
     """Smoothly from stop to stop: (part of the duration, states (nx,)), positions as of least jerk, or at constant speed where some are
-    `turned` (nx,) and others follow; where it rolls, those that are `sought` (nx,) lead; driven as inverse dynamics says. Where there is one way only, bodies turn on
+    `turned` (nx,) and others follow; what moves at stops, and on whose place nothing depends, with the speeds that it has there, or at constant speed where these do not go with the way; where it rolls, those that are `sought` (nx,) lead; driven as inverse dynamics says. Where there is one way only, bodies turn on
     from the spin that they have. `units` (width,): what is much for each unknown of a point. `bend` (times, nq): by how much
     positions are off that path; `around`: number of the quaternion that turns the long way.
     """
@@ -73,6 +75,8 @@ def path_guess(
         s = np.clip((times - where[k]) / (where[k + 1] - where[k]), 0, 1)
         blend = s if steady else s**3 * (10 - 15 * s + 6 * s * s)
         x = wanted[k] + (wanted[k + 1] - wanted[k]) * blend[:, None]
+        if not steady:
+            _go_on(stage, x, stops, k, s, np.append(duration, free))
     else:
         x = np.repeat(wanted, times.size, axis=0)
     if where.size == 2 and not steady and not _rolls(stage):
@@ -90,16 +94,30 @@ def _rolls(stage: Stage) -> bool:
     return stage.functions.space.velocities < stage.functions.space.nq - len(stage.quaternions)
 
 
+def _go_on(
+    stage: Stage, x: np.ndarray, stops: list[tuple[float, np.ndarray]], after: np.ndarray, s: np.ndarray, more: np.ndarray
+) -> None:
+    """Puts places into states (n, nx) that go on from the speeds at the stops, where nothing depends on them; `after` (n,): the stop behind each, and what part of the way to the
+    next one has passed, `s` (n,).
+    """
+    where, wanted = np.array([at for at, _ in stops]), np.array([one for _, one in stops])
+    speeds = np.array([stage.drift(one, at, more) for at, one in stops]) * stage.indifferent
+    for place in np.flatnonzero(speeds.any(axis=0)):
+        way, time = np.diff(wanted[:, place])[after], np.diff(where)[after] * more[0]
+        first, last = speeds[:-1, place][after] * time, speeds[1:, place][after] * time
+        far = _SPEEDS * np.abs(way)
+        forward = (np.minimum(first * way, last * way) >= 0) & (np.maximum(np.abs(first), np.abs(last)) <= far)
+        first, last = (np.where(forward, one, way) for one in (first, last))
+        moved = first * s + (10 * way - 6 * first - 4 * last) * s**3 + (8 * first + 7 * last - 15 * way) * s**4
+        moved += (6 * way - 3 * first - 3 * last) * s**5
+        x[:, place] = wanted[after, place] + moved
+
+
 def _turn(
     stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, free: np.ndarray, sought: np.ndarray, around: int
 ) -> None:
     """Puts quaternions into states (n, nx) that turn on from their spins at both ends, or the long way."""
-    nq, nv = stage.functions.space.nq, stage.functions.space.velocities
-    rates = list[np.ndarray]()
-    for k in (0, -1):
-        still = np.concatenate([x[k, :nq], np.zeros(nv), x[k, nq + nv :]])
-        drift, matrix = (np.array(part) for part in stage.moving(_arguments(stage, still, duration, free), [times[k], 0.0]))
-        rates.append(drift[:, 0] + matrix @ x[k, nq : nq + nv])
+    rates = [stage.drift(x[k], times[k], np.append(duration, free)) for k in (0, -1)]
     for n, places in enumerate(stage.quaternions):
         first, last = x[0, places], x[-1, places]
         w0, w1 = (2 * product(x[k, places] * [1, -1, -1, -1], rates[k][places])[1:] for k in (0, -1))

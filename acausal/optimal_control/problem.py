@@ -299,10 +299,12 @@ class OptimalControl:
             _total(stage, self._cost, "minimise"), totals, held, np.array([self._time.lower, self._time.upper]),
             np.array([[v.lower, v.upper] for v in self._geometry.values()]).reshape(-1, 2),
         )  # fmt: skip
-        return asked, self._stops(stage, begin), self._units(stage, begin)
+        return asked, self._stops(stage, begin, rests=asked.linear), self._units(stage, begin)
 
-    def _stops(self, stage: Stage, begin: InitialState) -> list[tuple[float, np.ndarray]]:
-        """Parts of the duration, and states (nx,) nearest to those before that are as asked for then."""
+    def _stops(self, stage: Stage, begin: InitialState, *, rests: bool) -> list[tuple[float, np.ndarray]]:
+        """Parts of the duration, and states (nx,) nearest to those before that are as asked for then. What moves goes on, unless it `rests`, as where all is linear and any guess
+        does.
+        """
         stops = [(0.0, begin.x)]
         for at in sorted({at for at, _ in self._here}):
             values = {key: value for where, own in self._here if where == at for key, value in own.items()}
@@ -312,13 +314,29 @@ class OptimalControl:
                 if _finite(value)
             }
             if at > 0:
-                stops.append((at, self._stop(stage, begin, stops[-1][1], wanted)))
+                before, found = stops[-1], self._stop(stage, begin, stops[-1][1], wanted)
+                on = self._gone_on(stage, before, (at, found), rests=rests)
+                stops.append((at, self._stop(stage, begin, before[1] + on, wanted) if on.any() else found))
         more = self._more_at_the_end()
         if more is not None:
-            stops = [*(stop for stop in stops if stop[0] < 1.0), (1.0, begin.x + np.nan_to_num(more))]
+            told, stops = [x for at, x in stops if at == 1.0], [stop for stop in stops if stop[0] < 1.0]
+            drifted = told[0] if told else stops[-1][1] + self._gone_on(stage, stops[-1], (1.0, begin.x), rests=rests)
+            stops.append((1.0, np.where(np.isnan(more), drifted, begin.x + more)))
         if stops[-1][0] < 1.0:
-            stops.append((1.0, stops[-1][1]))
+            stops.append((1.0, stops[-1][1] + self._gone_on(stage, stops[-1], (1.0, stops[-1][1]), rests=rests)))
         return stops
+
+    def _gone_on(
+        self, stage: Stage, before: tuple[float, np.ndarray], after: tuple[float, np.ndarray], *, rests: bool
+    ) -> np.ndarray:
+        """(nx,): by how much positions on which nothing depends go on from one part of the duration and states (nx,) to others, with the mean of the speeds at both."""
+        time, nq = float(self._time.guess or 1.0), stage.functions.space.nq
+        found = np.zeros(before[1].size)
+        if stage.indifferent.any() and not rests:
+            more = np.append(time, self._free_guess)
+            mean = sum(stage.drift(x, at, more) for at, x in (before, after)) / 2
+            found[:nq] = np.where(stage.indifferent, mean * time * (after[0] - before[0]), 0.0)
+        return found
 
     def _stop(self, stage: Stage, begin: InitialState, before: np.ndarray, wanted: Mapping[Expression, Any]) -> np.ndarray:
         """States (nx,) near those `before` that are as wanted; from beside these where they are stationary for what is wanted, as a pendulum that hangs."""

@@ -173,6 +173,20 @@ class Stage:
         return self._with_slopes(column, 0, self.sizes[0])
 
     @functools.cached_property
+    def indifferent(self) -> np.ndarray:
+        """(nq,): positions on which nothing about the motion depends, as of what flies or drives: it goes on there as it goes."""
+        nq = self.functions.space.nq
+        everything = self.put(ca.veccat(self.rates, self.balance, self.invariants[0]))
+        return ~np.array(ca.which_depends(everything, self.unknowns[:nq], 1, False), dtype=bool)
+
+    def drift(self, x: np.ndarray, at: float, more: np.ndarray) -> np.ndarray:
+        """(nq,): rates of positions in states (nx,) at a part of the duration; `more`: this and free parameters."""
+        nq, nv = self.functions.space.nq, self.sizes[1]
+        still = np.concatenate([x[:nq], np.zeros(nv), x[nq + nv :], np.zeros(self.width - x.size), more])
+        constant, matrix = (np.array(part) for part in self.moving(still, [at, 0.0]))
+        return constant[:, 0] + matrix @ x[nq : nq + nv]
+
+    @functools.cached_property
     def moving(self) -> ca.Function:
         """(unknowns, data) -> rates of positions, and their slopes by the velocities (nq, velocities)."""
         nq, nv = self.functions.space.nq, self.sizes[1]
