@@ -9,6 +9,8 @@ import pytest
 
 import acausal as ac
 from acausal.errors import OptimalControlError, OptionError
+from acausal.optimal_control import attempts
+from acausal.optimal_control.whole import whole
 from components import (
     Coulomb,
     EndStop,
@@ -401,3 +403,36 @@ def test_what_swaps_begins_where_the_other_ended() -> None:
     over.link(step, step, swapped)
     x = over.solve(4)[0].x
     assert x[:, 0] == pytest.approx(x[[1, 0, 3, 2], -1], abs=1e-8)
+
+
+@pytest.mark.parametrize(("length", "lean", "time"), [(0.9, 0.4, 0.7), (0.02, 0.5, 0.1)])
+def test_rows_that_follow_where_phases_meet_are_not_asked_twice(
+    length: float, lean: float, time: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A rod whose tip stays on the ground swings over and mirrored again: that its tip is there where it begins anew follows, wherever the search begins; and no row depends on others."""
+    scene = ac.System()
+    scene.torque = ac.Input("N m")
+    scene.world, scene.rail, scene.hinge = World(gravity=(0, 0, -9.81)), Prismatic("z"), Revolute("y")
+    scene.body, scene.rod = RigidBody.ball(2.0, 0.1 * length), RigidBody.rod(1.0, (0, 0, -length))
+    scene.motor, scene.ground = TorqueSource(scene.torque), PointOnPlane(unilateral=True)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.body.frame)
+    scene.connect(scene.rail.frame_b, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.motor.flange, scene.hinge.flange)
+    scene.connect(scene.world.frame, scene.ground.frame_a)
+    scene.connect(scene.ground.frame_b, scene.rod.tip)
+    over = ac.OptimalControl(ac.build(scene), time, modes={scene.ground: "closed"})
+    over.start({scene.hinge.q: ac.free(*sorted((lean, 1.5 * lean)), 1.2 * lean), scene.hinge.v: ac.free()})
+    over.minimise(ac.integral(scene.torque**2))
+    swings = ac.phases(over)
+    q, v = scene.hinge.q, scene.hinge.v
+    swings.link(over, over, {scene.rail.q: scene.rail.q, scene.rail.v: scene.rail.v, q: -q, v: -v})
+    made: list[Any] = []
+    monkeypatch.setattr(attempts, "whole", lambda *given: made.append(whole(*given)) or made[-1])
+    best = swings.solve(12, refinements=0)
+    program, names = made[0].program, [name for name, _, _ in made[0].labels]
+    assert sum(name.endswith("goes on") for name in names) == 2
+    slopes = np.array(program.derivatives["jac_g"](best[0].unknowns, [])[1])[program.limits[0] == program.limits[1]]
+    assert np.linalg.svd(slopes, compute_uv=False)[-1] > 1e-9
+    assert best[0].x[1, -1] == pytest.approx(-best[0].x[1, 0], abs=1e-9) and best.defect < 1e-3

@@ -27,6 +27,10 @@ _FEIGNED = 5e-3
 _HOPELESS = 300
 """Iterations, after which another guess is given up."""
 _BRIEFLY = {"ipopt.max_iter": _HOPELESS}
+_LOST = ("Error_In_Step_Computation", "Restoration_Failed", "Search_Direction_Becomes_Too_Small")
+"""What the solver says where it lost its way among numbers."""
+_STEADILY, _ANEW = {"ipopt.mu_strategy": "monotone"}, 2
+"""How a search goes on from where it lost its way, and how often."""
 _BESIDE, _LOWER = 1e-2, 1e-6
 """Of the unknowns, how far beside a guess that is found stationary it begins anew; of the cost, what is lower then."""
 _BENT = 1e-4
@@ -101,6 +105,14 @@ class Searches:
         begin = attempt.problem.parts[0].unknowns(guess)
         parts = [replace(attempt.parts[0], guess=guess)]
         return self._made(parts, attempt.problem, attempt.refined, _BRIEFLY, warm=False, begin=begin)
+
+    def anew(self, attempt: Attempt) -> Attempt:
+        """The same, where it lost its way: from where that was, with multipliers that know nothing of the way."""
+        for _ in range(_ANEW):
+            if attempt.success or attempt.status not in _LOST:
+                break
+            attempt = self._made(attempt.parts, attempt.problem, attempt.refined, _STEADILY, warm=False, begin=attempt.unknowns)
+        return attempt
 
     def again(self, attempt: Attempt, meshes: Sequence[Mesh], *, briefly: bool = False) -> Attempt:
         """On other meshes, from what was found; if that was feigned, from where it began."""

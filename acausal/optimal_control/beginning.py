@@ -55,8 +55,10 @@ def _begun(
 ) -> Attempt:
     """Where the mesh lies, others are tried on one of half its intervals' lengths, or half of these."""
     first = base = _true(searches, searches.on(parts))
-    if (not others and not first.feigned) or (not first.success and bottomless(first.problem, first.cost)):
+    if not first.success and bottomless(first.problem, first.cost):
         return first
+    if not others and not first.feigned:
+        return searches.anew(first)
     tried, work = [first], 0
     while base.off > COARSE and base.refined < refinements:
         mesh = base.parts[0].mesh
@@ -72,7 +74,7 @@ def _begun(
             work += tried[-1].work
             if not tried[-1].success and _fell(tried[-1]):
                 return tried[-1]
-    return _best([one for one in tried if one.success], searches, tolerance, refinements) or first
+    return _best([one for one in tried if one.success], searches, tolerance, refinements) or searches.anew(first)
 
 
 def _true(searches: Searches, attempt: Attempt) -> Attempt:

@@ -24,7 +24,7 @@ REASONS = {
     "Diverging_Iterates": "the cost has no least value, or bounds are missing",
     "Invalid_Number_Detected": "something has no finite value or slope where the search was",
     "Search_Direction_Becomes_Too_Small": "the search came to where no step changes anything, and what is asked for does not hold yet",
-    "Error_In_Step_Computation": "something has no slope where the search was",
+    "Error_In_Step_Computation": "the search lost its way, where steps could not be told from rounding",
 }
 """What the solver says, in words."""
 

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.numerics.folding import folded_function
-from acausal.optimal_control.asked import GIVEN, ROOM
+from acausal.optimal_control.asked import GIVEN, ROOM, Limits
 from acausal.optimal_control.conditions import given_rows
 from acausal.optimal_control.mode import PhaseMode
 from acausal.optimal_control.separable import Program, Term
@@ -22,7 +22,8 @@ class Link:
     """The end of the phase `before` is the start of the phase `after` (numbers).
 
     `values`: pairs of columns (n, 1), of the unknowns of the stage after and of that before, and what they are called; None: all states go on, but for those of
-    the numbers `drift`. `impact`: what holds when it strikes, before what is reset; None without one.
+    the numbers `drift`. `impact`: what holds when it strikes, before what is reset; None without one. `strictly`: rows that follow from others where both meet are asked all the same, unless
+    they do beside that, too: what follows near by may be another thing farther on, as the side to which a leg leans from the height of its hip.
     """
 
     before: int
@@ -30,6 +31,7 @@ class Link:
     values: Sequence[tuple[ca.SX, ca.SX, str]] | None
     drift: Sequence[int]
     impact: PhaseMode | None
+    strictly: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,21 +221,25 @@ def _impulses(ends: _Ends, rows: ca.SX, R: ca.SX) -> tuple[np.ndarray, np.ndarra
 
 @dataclass(frozen=True, eq=False)
 class _Slopes:
-    """What is known of the states before and after, to first order at the guess and in units of their sizes."""
+    """What is known of the states before and after, to first order beside the guess and in units of their sizes."""
 
     ends: _Ends
     link: Link
 
     def adding(self, mine: ca.SX, its: ca.SX) -> list[int]:
         """Numbers of the rows mine (after) - its (before) that do not follow from what is known, as well conditioned as they can be."""
+        there = self if self.link.strictly else replace(self, ends=replace(self.ends, at=self._meeting(mine, its)))
+        return there._adding(mine, its)
+
+    def _adding(self, mine: ca.SX, its: ca.SX) -> list[int]:
         old, new = self.ends.old, self.ends.new
         a, b = old.asked.stage, new.asked.stage
         before, after = self._of(a, its, end=True), self._of(b, mine, end=False)
         free = self._free()
-        known = self._known_before()
+        known, known_after = self._of(a, self._known_before(), end=True), self._of(b, self._known_after(), end=False)
         rows = np.block([
             [known, np.zeros((len(known), int(free.sum())))],
-            [np.zeros((len(self._known_after()), before.shape[1])), self._known_after()[:, free]],
+            [np.zeros((len(known_after), before.shape[1])), known_after[:, free]],
         ])  # fmt: skip
         wanted = np.hstack([-before, after[:, free]])
         size = np.linalg.norm(wanted, axis=1)
@@ -243,6 +249,28 @@ class _Slopes:
         if len(rows):
             wanted = wanted - wanted @ np.linalg.pinv(rows, rcond=_RANK) @ rows
         return [int(r) for r in independent_rows(wanted)]
+
+    def _meeting(self, mine: ca.SX, its: ca.SX) -> np.ndarray:
+        """Where both phases meet, near the guess: rows that follow from others are seen where all of them hold, and not beside. The guess, where no such point is found."""
+        ends, free = self.ends, self._free()
+        nx, n = ends.old.asked.stage.sizes[0], ends.old.asked.stage.unknowns.numel()
+        places = np.append(np.arange(nx), n + np.flatnonzero(free))
+        column = ca.vertcat(ends.before(self._known_before()), ends.after(self._known_after()), ends.after(mine) - ends.before(its))
+        slopes = ca.densify(ca.jacobian(column, ends.symbols[places.tolist()]))
+        f = ca.Function("meeting", [ends.symbols], [ca.densify(column), slopes])
+        units, at = ends.units[places], ends.at.copy()
+        at[places] += _ASIDE * units * np.random.default_rng(0).uniform(-1, 1, places.size)
+        for _ in range(_STEPS):
+            off, J = (np.array(part) for part in f(at))
+            J = J * units
+            size = np.linalg.norm(J, axis=1, keepdims=True)
+            size[size == 0] = 1.0
+            if not (np.isfinite(off).all() and np.isfinite(J).all()):
+                break
+            if np.max(np.abs(off / size), initial=0.0) <= _MET:
+                return at
+            at[places] -= units * np.linalg.lstsq(J / size, off[:, 0] / size[:, 0], rcond=_CLEAR)[0]
+        return ends.at
 
     def _of(self, stage: Stage, column: ca.SX, *, end: bool) -> np.ndarray:
         """Slopes of a column of a stage by its states, times their units."""
@@ -258,12 +286,12 @@ class _Slopes:
         nx = self.ends.new.asked.stage.sizes[0]
         return np.ones(nx, dtype=bool) if start is None else ~np.isfinite(start)
 
-    def _known_before(self) -> np.ndarray:
-        """What holds at the end, after an impact."""
+    def _known_before(self) -> ca.SX:
+        """What is zero at the end, after an impact."""
         asked = self.ends.old.asked
         stage = asked.stage
         given = [limits for at, limits in asked.here if at == 1.0]
-        rows = [limits.value[r] for limits in given for r in range(limits.value.numel()) if limits.lower[r] == limits.upper[r]]
+        rows = [one for limits in given for one in _held(limits, range(limits.value.numel()))]
         if self.link.impact is None:
             rows.append(stage.invariants[0])
         else:
@@ -272,23 +300,31 @@ class _Slopes:
             moving = set(range(stage.functions.space.nq, stage.sizes[0]))
             rows = [row for row in rows if not moving & set(ca.jacobian(row, stage.functions.space.x).sparsity().get_col())]
             rows += [stage.invariants[0][:positions, :], struck.invariants[0][struck.invariants[1] :, :]]
-        return self._of(stage, ca.vertcat(ca.SX(0, 1), *rows), end=True)
+        return ca.vertcat(ca.SX(0, 1), *rows)
 
-    def _known_after(self) -> np.ndarray:
+    def _known_after(self) -> ca.SX:
+        """What is zero at the start."""
         asked = self.ends.new.asked
         rows = [asked.stage.invariants[0]]
         for at, limits in asked.here:
             if at == 0.0:
-                own = range(limits.value.numel())
+                own = list(range(limits.value.numel()))
                 if limits.name == GIVEN:  # what else stands there is as at the guess only where nothing is said of it
                     own = given_rows(
                         limits, self._of(asked.stage, limits.value, end=False), self._of(asked.stage, rows[0], end=False)
                     )
-                rows += [limits.value[r] for r in own if limits.lower[r] == limits.upper[r]]
-        return self._of(asked.stage, ca.vertcat(ca.SX(0, 1), *rows), end=False)
+                rows += _held(limits, own)
+        return ca.vertcat(ca.SX(0, 1), *rows)
+
+
+def _held(limits: Limits, entries: Sequence[int]) -> list[ca.SX]:
+    """Of these entries those with one value, less this."""
+    return [limits.value[r] - float(limits.lower[r]) for r in entries if limits.lower[r] == limits.upper[r]]
 
 
 _RANK = 1e-9
+_ASIDE, _CLEAR, _MET, _STEPS = 1e-2, 1e-6, 1e-11, 30
+"""In units of the states: how far beside the guess phases are brought together, what slopes tell, how near they come, and in how many steps."""
 
 
 def _with_rows(

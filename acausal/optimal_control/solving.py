@@ -53,7 +53,11 @@ def best_of(
         if not now.success:
             raise OptimalControlError(failure(now.problem, now.unknowns, now.cost, now.status), now.best)
         broken = [words for k, one in enumerate(now.problem.parts) for words in broken_promises(one, now.phases[k].unknowns)]
-        broken += [words for link in links for words in torn(link, now.problem.parts, [one.unknowns for one in now.phases])]
+        apart = [words for link in links for words in torn(link, now.problem.parts, [one.unknowns for one in now.phases])]
+        if apart and not all(link.strictly for link in links):
+            links = [replace(link, strictly=True) for link in links]
+            return best_of(parts, links, plugin, options, tolerance, refinements, others)
+        broken += apart
         if broken:
             raise OptimalControlError(
                 f"A motion was found, but what is asked for contradicts itself: {'; '.join(broken[:4])}. Leave something of it out, or begin elsewhere with ocp.guess(run).",
