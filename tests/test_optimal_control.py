@@ -1666,3 +1666,57 @@ def test_what_drives_goes_on_while_it_changes_lanes(quick: bool, speed: float, a
     assert best.cost == pytest.approx(float(solved.value(cost)), rel=1e-6)
     assert best.duration == pytest.approx(float(solved.value(T)), rel=1e-6)
     assert best.run[car.plane.v][-1] == pytest.approx(solved.value(x)[3:, -1], abs=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("size", "discs"),
+    [
+        (1.0, [(1.0, 0.1, 0.5), (2.2, -0.5, 0.7)]),
+        (3e-4, [(1.2, -0.15, 0.6), (2.9, 0.6, 0.75)]),
+        (5e3, [(2.0, 0.3, 0.5), (2.0, -1.1, 0.6)]),
+    ],
+)
+def test_obstacles_are_passed_on_the_better_side(size: float, discs: list[tuple[float, float, float]]) -> None:
+    """From rest to rest beside discs in a plane, where nothing swings: the least of what Opti finds from guesses on all sides of them, by the same collocation."""
+    scene = ac.System()
+    scene.force = ac.Input("N"), ac.Input("N")
+    scene.world, scene.along, scene.aside, scene.body = World(gravity=None), Prismatic("x"), Prismatic("y"), Particle(1.0)
+    scene.push = Force((*scene.force, 0))
+    scene.connect(scene.world.frame, scene.along.frame_a)
+    scene.connect(scene.along.frame_b, scene.aside.frame_a)
+    scene.connect(scene.aside.frame_b, scene.body.point)
+    scene.connect(scene.push.point, scene.body.point)
+    ocp, places, n = ac.OptimalControl(ac.build(scene), 2.0), (scene.along.q, scene.aside.q), 8
+    ocp.start(dict.fromkeys(places, 0))
+    ocp.end({scene.along.q: 4 * size, scene.aside.q: 0, scene.along.v: 0, scene.aside.v: 0})
+    for x, y, r in discs:
+        ocp.bound((places[0] - x * size) ** 2 + (places[1] - y * size) ** 2, lower=(r * size) ** 2)
+    ocp.minimise(ac.integral(sum(force**2 for force in scene.force)))
+    best = ocp.solve(n, refinements=0)
+
+    tau = ca.collocation_points(3, "radau")
+    slopes, _, weights = ca.collocation_coeff(tau)
+    times = np.append(0, (np.arange(n)[:, None] + tau).ravel() / n)
+    found = list[float]()
+    for sides in np.array(np.meshgrid(*[(-1, 1)] * 2)).reshape(2, -1).T:
+        opti = ca.Opti()
+        x, u = opti.variable(4, 3 * n + 1), opti.variable(2, 3 * n)
+        cost = 0
+        for k in range(3 * n):
+            first = k // 3 * 3
+            opti.subject_to(x[:, first : first + 4] @ slopes[:, k % 3] == 2 / n * ca.vertcat(x[2:, k + 1], u[:, k]))
+            cost += 2 / n * weights[k % 3] * ca.sumsqr(u[:, k])
+            for px, py, r in discs:
+                opti.subject_to((x[0, k + 1] - px) ** 2 + (x[1, k + 1] - py) ** 2 >= r**2)
+        opti.subject_to(x[:, 0] == 0)
+        opti.subject_to(x[:, -1] == ca.DM([4, 0, 0, 0]))
+        bend = np.interp(
+            times,
+            [0, *(px / 4 for px, _, _ in discs), 1],
+            [0, *(py + s * r for (_, py, r), s in zip(discs, sides, strict=True)), 0],
+        )
+        opti.set_initial(x[:2, :], np.vstack([4 * times, bend]))
+        opti.minimize(cost)
+        opti.solver("ipopt", {"print_time": False, "expand": True, "ipopt.print_level": 0, "ipopt.sb": "yes"})
+        found.append(float(opti.solve().value(cost)))
+    assert best.cost <= min(found) * size**2 * (1 + 1e-3)

@@ -255,7 +255,9 @@ class _Slopes:
         ends, free = self.ends, self._free()
         nx, n = ends.old.asked.stage.sizes[0], ends.old.asked.stage.unknowns.numel()
         places = np.append(np.arange(nx), n + np.flatnonzero(free))
-        column = ca.vertcat(ends.before(self._known_before()), ends.after(self._known_after()), ends.after(mine) - ends.before(its))
+        column = ca.vertcat(
+            ends.before(self._known_before()), ends.after(self._known_after()), ends.after(mine) - ends.before(its)
+        )
         slopes = ca.densify(ca.jacobian(column, ends.symbols[places.tolist()]))
         f = ca.Function("meeting", [ends.symbols], [ca.densify(column), slopes])
         units, at = ends.units[places], ends.at.copy()

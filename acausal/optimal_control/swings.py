@@ -1,8 +1,9 @@
-"""Other ways from start to end than the straight one: with a swing on the way as the scene swings by itself, with any, and in other times."""
+"""Other ways from start to end than the straight one: beside what stands in its way, with a swing on the way as the scene swings by itself, with any, and in other times."""
 
 from __future__ import annotations
 
 import functools
+import itertools
 import zlib
 from collections.abc import Callable
 
@@ -10,7 +11,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.numerics.folding import folded_function
-from acausal.optimal_control.asked import Asked
+from acausal.optimal_control.asked import Asked, Limits
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.stage import Stage
 from acausal.optimal_control.turning import FAR, short_way
@@ -30,6 +31,8 @@ _ANY = 2
 """How many other paths are tried where nothing was found."""
 _WAVES = 3
 """How many waves any swing is made of."""
+_OBSTACLES, _SIDES, _CLEAR, _STEPS = 4, 2, 1.2, np.geomspace(1 / 64, 4, 25)
+"""How many things in the way are gone around, and along how many lines across it, both ways; how far, of what clears them; of how far the straight path goes, how far that is looked for."""
 _LONGER = (2.0, 0.5, 4.0)
 """How much more time another path takes where nothing was found."""
 
@@ -39,7 +42,7 @@ Other = Callable[[Guess], Guess]
 
 
 def other_guesses(part: Part, count: int) -> list[list[Other]]:
-    """So many of each: those with swings of the scene's own; those with any, where these lead nowhere; then those in more time and less, where that is free. None where
+    """So many of each: those beside obstacles, and with swings of the scene's own; those with any, where these lead nowhere; then those in more time and less, where that is free. None where
     a motion was given; no swings where all is linear and the cost is bent upwards, or where nothing has a place.
     """
     bent, stage, first = part.bent, part.asked.stage, part.guess
@@ -53,7 +56,7 @@ def other_guesses(part: Part, count: int) -> list[list[Other]]:
     if part.asked.linear:  # there are several best ones by what is minimised alone, one way and the other
         ways = [sign * one for one in _any(stage, first, part.units, _ANY) for sign in (1, -1)]
         return [[functools.partial(_mirrored, first), *(_made(bent, one, None) for one in ways)][:count], *others]
-    own = _natural(stage, first, part.units, part.mesh.intervals)[:count]
+    own = [*_beside(part.asked, first, part.units), *_natural(stage, first, part.units, part.mesh.intervals)][:count]
     swings = own, _any(stage, first, part.units, min(count, _ANY))
     natural, anyhow = ([_made(bent, one, None) for one in bends] for bends in swings)
     return [[*_the_long_way(bent, stage, first), *natural][:count], anyhow, *others]
@@ -94,6 +97,55 @@ def _bent_down(asked: Asked, first: Guess, units: np.ndarray) -> bool:
             if np.isfinite(found).all() and np.min(np.linalg.eigvalsh(found)) < -_ROUNDING * np.max(np.abs(found)):
                 return True
     return False
+
+
+def _beside(asked: Asked, first: Guess, units: np.ndarray) -> list[np.ndarray]:
+    """(times, nq) each, of positions: beside whatever keeps the straight path out, as obstacles do, one way and the other, and of several one this way and one that way. Nothing
+    where it is free to go, or where what keeps it out is no bent function of places.
+    """
+    stage, T = asked.stage, first.times
+    nq, more = stage.functions.space.nq, np.append(first.duration, first.free)
+    way = np.gradient(first.values[:, :nq] / units[:nq], axis=0)
+    far, met = _far(stage, first, units), list[tuple[int, list[np.ndarray]]]()
+    for limits in asked.path:
+        value, places = stage.put(limits.value), stage.unknowns[:nq]
+        others = ca.vertcat(stage.unknowns[nq : stage.width])
+        if not value.numel() or ca.depends_on(value, others) or not any(ca.which_depends(value, places, 2, True)):
+            continue
+        f = ca.Function("value", [stage.unknowns, stage.data], [value])
+
+        def off(z: np.ndarray, when: np.ndarray, f: ca.Function = f, limits: Limits = limits) -> np.ndarray:
+            points = np.hstack([z, np.tile(more, (len(z), 1))]).T
+            return limits.excess(np.array(f(points, np.vstack([when, np.zeros(when.size)]))))
+
+        outside = off(first.values, T)
+        for r in np.flatnonzero(np.max(outside, axis=1) > 0):
+            k = int(np.argmax(outside[r]))
+            counts = np.array(ca.which_depends(value[int(r)], places, 1, False), dtype=bool)
+            found = list[np.ndarray]()
+            for side in _across(way[k] * counts, counts)[:_SIDES]:
+                for sign in (1.0, -1.0):
+                    moved = np.repeat(first.values[[k]], _STEPS.size, axis=0)
+                    moved[:, :nq] += sign * far * _STEPS[:, None] * side * units[:nq]
+                    clear = np.flatnonzero(off(moved, np.full(_STEPS.size, T[k]))[r] == 0)
+                    found += [sign * _CLEAR * far * _STEPS[clear[0]] * side * units[:nq]] if clear.size else []
+            met += [(k, found)] if found and 0 < T[k] < 1 else []
+    met = met[:_OBSTACLES]
+    bumps = np.array([np.sin(np.pi * T ** (np.log(0.5) / np.log(T[k]))) for k, _ in met]).reshape(len(met), T.size)
+    heights = bumps[:, [k for k, _ in met]].T
+    ways = sorted(itertools.product(*(range(len(found)) for _, found in met)), key=lambda chosen: len({*chosen})) if met else []
+    sides = ([found[c] for (_, found), c in zip(met, chosen, strict=True)] for chosen in ways)
+    return [bumps.T @ np.linalg.lstsq(heights, np.array(one), rcond=1e-3)[0] for one in sides]
+
+
+def _across(way: np.ndarray, counts: np.ndarray) -> list[np.ndarray]:
+    """Unit vectors (nq,) across a way, of the entries that count."""
+    kept = np.eye(way.size)[counts]
+    length = np.linalg.norm(way)
+    if length > 0:
+        kept = kept - np.outer(kept @ way, way) / length**2
+    _, s, V = np.linalg.svd(kept, full_matrices=False)
+    return [row * np.sign(row[np.argmax(np.abs(row))]) for row in V[s > 1e-6]]
 
 
 def _natural(stage: Stage, first: Guess, units: np.ndarray, intervals: int) -> list[np.ndarray]:
