@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -11,6 +12,7 @@ import pytest
 import acausal as ac
 from acausal.errors import OptionError, SimulationError, SingularWarning, StartValueError
 from acausal.runtime.native import Outcome, Run
+from acausal.start import initial
 from components import (
     Cable,
     Force,
@@ -455,3 +457,40 @@ def test_derivatives_follow_the_tolerance_where_the_motion_is_slow_and_they_are_
         exact = np.array([np.cos(w * end), fast / w, slope * (np.sin(end) - fast / w)])
         bound = (3 * rtol + 1e-14 * w * end) * np.array([1.0, 1 / w, 1 / w])
         assert np.all(np.abs(np.ravel(run[scene.rail.q][-1]) - exact) < bound), (w, rtol)
+
+
+@pytest.mark.parametrize(("angle", "length", "push"), [(0.4, 0.9, 0.0), (2.3, 0.8, 1.7)])
+def test_where_a_start_leaves_only_speeds_open_its_places_are_not_searched_for_again(
+    angle: float, length: float, push: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A four-bar whose crank is told, and of whose speeds some sum is near a value: its motion changes with the length of its coupler as by differences of whole simulations."""
+    scene: Any = ac.System()
+    scene.length, scene.world = ac.Parameter(length, "m"), World(gravity=(0, 0, -9.81))
+    scene.hinges = [Revolute("y") for _ in range(4)]
+    scene.crank, scene.coupler = RigidBody.rod(1.0, (0, 0, 0.3)), RigidBody.rod(1.0, (scene.length, 0, 0))
+    scene.rocker = RigidBody.rod(1.0, (0, 0, 0.6))
+    a, b, c, d = scene.hinges
+    pairs = [
+        (scene.world.frame, a.frame_a),
+        (a.frame_b, scene.crank.frame),
+        (scene.crank.tip, b.frame_a),
+        (b.frame_b, scene.coupler.frame),
+    ]
+    pairs += [
+        (scene.coupler.tip, c.frame_a),
+        (c.frame_b, scene.rocker.tip),
+        (scene.world.at((0.9, 0, 0)), d.frame_a),
+        (d.frame_b, scene.rocker.frame),
+    ]
+    for one, other in pairs:
+        scene.connect(one, other)
+    model, times = ac.build(scene), np.array([0.0, 0.1, 0.3])
+    start = {a.q: angle, b.v + d.v: ac.near(push)}
+    h = 1e-4
+    runs = [model.simulate(0.3, start, parameters={scene.length: length + s * h}, rtol=1e-12).at(times)[d.q] for s in (1, -1)]
+    searches: list[Any] = []
+    searched = initial._searched
+    monkeypatch.setattr(initial, "_searched", lambda *given: searches.append(given) or searched(*given))
+    found = model.sensitivities(times, [scene.length], start)[d.q]
+    assert np.ravel(found) == pytest.approx((runs[0] - runs[1]) / (2 * h), rel=1e-5, abs=1e-7)
+    assert len(searches) <= 1

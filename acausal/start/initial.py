@@ -188,12 +188,22 @@ def initial_derivatives(
             positions, velocities = _searched(problem, data, found.account.weights)
         return np.concatenate([positions.y, velocities.y]) if velocities is not None and velocities.converged else None
 
+    def moving(with_q: np.ndarray) -> np.ndarray | None:
+        """Where positions are determined: these follow, and only velocities are searched for."""
+        with problem.lock:
+            velocities = problem.velocities.solve(with_q, found.account.weights)
+        return np.concatenate([with_q[data.size :], velocities.y]) if velocities.converged else None
+
     given = [i for i, _ in problem.positions.plain] + [nq + i for i, _ in problem.velocities.plain]
     for k in range(count if open_q.size or open_v.size else 0):
         least = np.concatenate([dq[:, k], dv[:, k]])
         if not np.delete(least, given).any():
             continue  # nothing else has to move
-        searched = by_search(again, data, change[:, k], least, np.concatenate([sizes_q, sizes_v]))
+        sizes = np.concatenate([sizes_q, sizes_v])
+        if open_q.size:
+            searched = by_search(again, data, change[:, k], least, sizes)
+        else:
+            searched = by_search(moving, with_q, np.append(change[:, k], dq[:, k]), least, sizes)
         if searched is not None:
             dq[:, k] += open_q @ (np.linalg.pinv(open_q) @ (searched[:nq] - dq[:, k]))
             both = np.concatenate([change[:, k], dq[:, k]])[:, None]
