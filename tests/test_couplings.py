@@ -17,6 +17,7 @@ from acausal.errors import JumpWarning, ParameterError
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, rotation_about_z
 from components import (
+    Cylindrical,
     Gear,
     Inertia,
     Integrator,
@@ -26,6 +27,7 @@ from components import (
     Prismatic,
     Revolute,
     RigidBody,
+    Screw,
     SlidingMass,
     SpeedSource,
     TimeFunction,
@@ -546,3 +548,24 @@ def test_a_flange_of_a_joint_of_one_s_own_may_have_any_name():
         found.append(np.column_stack([run[scene.hinge.q], run[flange.phi], run[flange.tau]]))
     assert np.max(np.abs(found[0] - found[1])) < 1e-9 and np.max(np.abs(found[0][:, 0] - found[0][:, 1])) < 1e-15
     assert np.ptp(found[0][:, 0]) > 0.5
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3, 1e4])
+@pytest.mark.parametrize("pitch", [0.02, -0.3])
+def test_a_torque_at_a_screw_lifts_its_nut(pitch: float, size: float) -> None:
+    """Through a gear, against gravity: (J + i^2 Jm + m h^2) q'' = i M - m g h; its nut runs in a guide, too."""
+    h, m, J, Jm, i, g, M = pitch / (2 * np.pi), 2.0, 0.03, 0.002, 5.0, 9.81, 0.7
+    scene = ac.System()
+    scene.world, scene.screw, scene.guide = World((0, 0, -g * size)), Screw("z", pitch=pitch * size), Cylindrical("z")
+    scene.nut = RigidBody(m, inertia=(J * size**2,) * 3)
+    scene.motor, scene.gear, scene.torque = Inertia(Jm * size**2), Gear(i), TorqueSource(M * size**2)
+    scene.connect(scene.world.frame, scene.screw.frame_a, scene.guide.frame_a)
+    scene.connect(scene.screw.frame_b, scene.guide.frame_b, scene.nut.frame)
+    scene.connect(scene.torque.flange, scene.motor.flange_a)
+    scene.connect(scene.motor.flange_b, scene.gear.flange_a)
+    scene.connect(scene.gear.flange_b, scene.screw.flange)
+    run = ac.build(scene).simulate(2.0, {scene.screw.q: 1.0, scene.screw.v: 0.3}, rtol=1e-11)
+    turned = 1.0 + 0.3 * run.t + (i * M - m * g * h) / (J + i**2 * Jm + m * h**2) * run.t**2 / 2
+    assert np.max(np.abs(run[scene.screw.q] - turned)) < 1e-9 * np.max(np.abs(turned))
+    assert np.max(np.abs(run[scene.nut.frame.position[2]] / size - h * turned)) < 1e-9 * np.max(np.abs(h * turned))
+    assert run[scene.motor.phi] == pytest.approx(i * run[scene.screw.q])

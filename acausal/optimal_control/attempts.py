@@ -16,7 +16,7 @@ from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.link import Link
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.optimum import Optimum
-from acausal.optimal_control.search import CONVERGED, INTERRUPTED, NEARLY, search
+from acausal.optimal_control.search import CONVERGED, INTERRUPTED, NEARLY, Outcome, search
 from acausal.optimal_control.sharper import Sharper
 from acausal.optimal_control.whole import Part, Whole, whole
 
@@ -140,6 +140,12 @@ class Searches:
         parts = [replace(part, asked=replace(part.asked, held=True)) for part in parts]
         return self._made(parts, whole(parts, self._links), refined, options, warm=warm)
 
+    def _search(self, problem: Whole, options: dict[str, Any], **how: Any) -> Outcome:
+        """One search, whose iterations count."""
+        found = search(problem.program, self._plugin, options, **how)
+        self._iterations += int(found[-1]["iter_count"])
+        return found
+
     def _made(
         self,
         parts: Sequence[Part],
@@ -151,21 +157,18 @@ class Searches:
         begin: np.ndarray | None = None,
     ) -> Attempt:
         before, begun, options = self._iterations, time.perf_counter(), {**options, **self._options}
-        w, cost, factors, gaps, stats = search(
-            problem.program, self._plugin, options, warm=warm, begin=begin, solvers=None if begin is None else self._solvers
+        w, cost, factors, gaps, stats = self._search(
+            problem, options, warm=warm, begin=begin, solvers=None if begin is None else self._solvers
         )
         if stats["success"] and not warm and _stationary(stats):  # slopes vanish at the largest cost, too: from beside it
             beside = w + _BESIDE * np.random.default_rng(0).uniform(-1, 1, w.size)
-            again = search(problem.program, self._plugin, {**_BRIEFLY, **options}, warm=False, begin=beside)
+            again = self._search(problem, {**_BRIEFLY, **options}, warm=False, begin=beside)
             if again[1] < cost - _LOWER * problem.program.unit:
                 w, cost, factors, gaps, stats = again
-        self._iterations += int(stats["iter_count"])
         if warm and not stats["success"] and stats["return_status"] != INTERRUPTED:  # not so near: as from afar
-            w, cost, factors, gaps, stats = search(problem.program, self._plugin, options, warm=False)
-            self._iterations += int(stats["iter_count"])
+            w, cost, factors, gaps, stats = self._search(problem, options, warm=False)
         elif warm and stats["success"] and _rose(problem, cost):  # nor this: it left what it began at
-            again = search(problem.program, self._plugin, options, warm=False)
-            self._iterations += int(again[-1]["iter_count"])
+            again = self._search(problem, options, warm=False)
             if (again[-1]["success"] and again[1] < cost) or again[-1]["return_status"] == INTERRUPTED:
                 w, cost, factors, gaps, stats = again
         w = problem.unwound(w)

@@ -27,6 +27,11 @@ class Cost:
     ends: tuple[Integrand, ...] = ()
     duration: float = field(default=0.0)
 
+    def __repr__(self) -> str:
+        kinds = (("integral", self.integrals), ("average", self.averages), ("at_start", self.starts), ("at_end", self.ends))
+        terms = [f"{name}({value})" for name, values in kinds for value in values]
+        return " + ".join([*terms, *([f"{self.duration:g} duration"] if self.duration else [])]) or "0"
+
     def __add__(self, other: Cost | float) -> Cost:
         if not isinstance(other, Cost):
             return self + Cost(ends=(finite(other, "What is added to a cost, beside ac.integral, ac.at_end and such,"),))

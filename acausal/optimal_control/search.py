@@ -23,6 +23,9 @@ _PRESSED = 1e-12
 _NEAR = 300
 """Iterations for what is near: who needs more was not."""
 
+Outcome = tuple[np.ndarray, float, np.ndarray, np.ndarray, dict[str, Any]]
+"""Of a search; see there."""
+
 
 def search(
     program: Program,
@@ -32,7 +35,7 @@ def search(
     warm: bool,
     begin: np.ndarray | None = None,
     solvers: dict[Any, ca.Function] | None = None,
-) -> tuple[np.ndarray, float, np.ndarray, np.ndarray, dict[str, Any]]:
+) -> Outcome:
     """Unknowns, cost, multipliers of the constraints, what the cost would be less by if each unknown and then each constraint came to the bound that it is
     pressed against, and what the solver says of its search. `begin` (n,): where it begins, if not at the program's guess; `solvers`: those that were made, which
     are used again.

@@ -7,6 +7,7 @@ from typing import final
 
 import casadi as ca
 
+from acausal.language.connector import Rotational
 from acausal.language.expression import Expression, Scalar, Variable, scalar
 from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import Matrix, Pose, symbolic
@@ -19,10 +20,12 @@ class Screw(AbstractStepJoint):
     """frame_b turns by q [rad] about `axis` and moves on by `pitch` [m] a turn along it. One freedom.
 
     v = q' [rad/s]. A positive pitch is a right-handed thread; it must not be zero in a closed loop.
+    `flange` (rotational) carries a torque about the axis: phi = q.
 
         scene.spindle = Screw(axis="x", pitch=0.005)
     """
 
+    flange = Rotational.port()
     q = Variable("rad", "angle")
     v = Variable("rad/s", "angular velocity")
 
