@@ -8,6 +8,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator, make_interp_spline
 
 import acausal as ac
@@ -18,7 +19,9 @@ from acausal.parts.pose import symbolic
 from components import (
     AngleSource,
     Bushing,
+    Cable,
     Force,
+    ForceSensor,
     Gain,
     Inertia,
     Integrator,
@@ -31,6 +34,7 @@ from components import (
     RotationalGround,
     RotationalSpring,
     RotationSensor,
+    SlidingMass,
     Spherical,
     Spring,
     Torque,
@@ -40,6 +44,7 @@ from components import (
 from tests.bad_input.messages import four_bar, pendulum_with
 from tests.scenes import Pendulum
 
+G = 9.81
 READINGS: dict[str, Callable[[Any], Any]] = {
     "position": lambda s: -3 * s.rod.tip.position,
     "another point": lambda s: s.world.at((1, 0, 0)).position - s.rod.at((0, 0, -0.3)).position,
@@ -335,6 +340,63 @@ def test_a_bearing_brakes_by_the_force_that_it_carries():
         ends.append(run[scene.hinge.q])
     assert np.max(np.abs(ends[0] - ends[1])) < 1e-8
     assert np.max(np.abs(ends[0][-1])) < 0.9
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6, 1e5])
+@pytest.mark.parametrize("share", [-0.7, 0.4, 3.0])
+def test_a_force_follows_what_a_sensor_measures(share, size):
+    """What a sledge m passes on to a mass M, f = M a, with the push F + c f, and with F + c f^2 / F: (m + M) a = F + c M a, and (M c / F) f^2 - (m + M) f + M F = 0."""
+    m, M, F = 2.0, 3.0, 4.0 * size
+    for square in (False, True):
+        scene = ac.System()
+        scene.world, scene.slide, scene.sledge = World(None), Prismatic("x"), RigidBody(m, inertia=(1.0, 1.0, 1.0))
+        scene.sensor, scene.mass, scene.part = ForceSensor(), SlidingMass(M), ac.Parameter(0.0, "1")
+        f = scene.sensor.force.value
+        scene.push = Force((F + scene.part * (f * f / F if square else f), 0, 0))
+        scene.connect(scene.world.frame, scene.slide.frame_a)
+        scene.connect(scene.slide.frame_b, scene.sledge.frame, scene.push.point)
+        scene.connect(scene.slide.flange, scene.sensor.flange_a)
+        scene.connect(scene.sensor.flange_b, scene.mass.flange_a)
+        c = 0.1 * share if square else share
+        run = ac.build(scene).simulate(2.0, {scene.slide.q: 0.0, scene.slide.v: 0.0}, parameters={scene.part: c}, rtol=1e-10)
+        a = F / (m + M - c * M)
+        if square:
+            a = ((m + M) - np.sqrt((m + M) ** 2 - 4 * M * M * c)) / (2 * M * c) * F / M
+        assert run[f] == pytest.approx(np.full(run.t.size, M * a), rel=1e-11)
+        assert run[scene.slide.q][-1] == pytest.approx(2 * a, rel=1e-11)
+
+
+def test_a_brake_presses_by_the_pull_of_a_cable():
+    """From the world over an eyelet on a cart to a weight that swings: against Lagrange's equations with the pull as a multiplier."""
+    scene = ac.System()
+    scene.world, scene.slide, scene.cart = World((0, 0, -G)), Prismatic("x"), RigidBody.box(3.0, (0.2, 0.2, 0.2))
+    scene.weight = Particle(1.0, position=(0.5, 0, -1.0))
+    scene.cable = Cable(2.4, over=[scene.cart.at((0.1, 0, 0))])
+    scene.brake = Force((-0.15 * scene.cable.tension * np.tanh(scene.slide.v / 0.1), 0, 0))
+    scene.connect(scene.world.frame, scene.slide.frame_a)
+    scene.connect(scene.slide.frame_b, scene.cart.frame, scene.brake.point)
+    scene.connect(scene.world.at((-1, 0, 0.5)), scene.cable.frame_a)
+    scene.connect(scene.cable.frame_b, scene.weight.point)
+    at = scene.weight.point
+    start = {scene.slide.q: 0.2, at.position[0]: 0.5, at.position[1]: 0.1}
+    run = ac.build(scene).simulate(0.8, start, rtol=1e-11, samples=5)
+    e, inverse, pushed = np.array([1.0, 0, 0]), np.array([1 / 3, 1, 1, 1]), np.array([0, 0, 0, -G])
+
+    def rates(_, y):
+        v, eyelet = y[5:8], np.array([y[0] + 0.1, 0, 0])
+        one, other, w = eyelet - np.array([-1, 0, 0.5]), y[2:5] - eyelet, v - e * y[1]
+        near, far = np.linalg.norm(one), np.linalg.norm(other)
+        J = np.r_[(one / near - other / far) @ e, other / far]
+        curved = y[1] ** 2 * (1 - (one[0] / near) ** 2) / near + (w @ w - (other @ w / far) ** 2) / far
+        by = -J - 0.15 * np.tanh(y[1] / 0.1) * np.array([1.0, 0, 0, 0])
+        tension = -(curved + J @ (inverse * pushed)) / (J @ (inverse * by))
+        a = inverse * (pushed + by * tension)
+        return np.r_[y[1], a[0], v, a[1:]]
+
+    y = [run[x][0] for x in (scene.slide.q, scene.slide.v, at.position, at.velocity)]
+    found = solve_ivp(rates, (0, 0.8), np.hstack(y), "DOP853", run.t, rtol=1e-12, atol=1e-13).y
+    assert np.max(np.abs(found[2:5].T - run[at.position])) < 1e-10
+    assert run.energy_error() < 1e-10
 
 
 @pytest.mark.parametrize("arm", [0.05, 0.02])

@@ -12,6 +12,7 @@ from acausal.dynamics.system import MechanicalSystem
 from acausal.errors import ModelError
 from acausal.language.connector import Quantity
 from acausal.language.expression import Derivative, Symbol
+from acausal.language.flatten import Part
 from acausal.loops.constraints import Constraints
 from acausal.loops.reactions import Reactions
 from acausal.numerics.elimination import solved_by_qr
@@ -30,15 +31,21 @@ iteration ends."""
 
 
 def with_reactions(
-    mechanics: MechanicalSystem, constraints: Constraints, v_dot: ca.SX, multipliers: ca.SX, scalar: ScalarPart
+    mechanics: MechanicalSystem,
+    constraints: Constraints,
+    v_dot: ca.SX,
+    multipliers: ca.SX,
+    scalar: ScalarPart,
+    variables: Mapping[Symbol, Part],
 ) -> tuple[MechanicalSystem, ScalarPart, list[tuple[ca.SX, ca.SX]]]:
-    """Without symbols of accelerations and reactions; and what to put into any expression for those of laws and readings.
+    """Without symbols of accelerations and reactions; and what to put into any expression for those of laws and readings. `variables`: those of scalar domains
+    that follow from accelerations and from forces that read them, with these readers.
 
     With the laws phi(y) of readings y, accelerations and reactions are affine in phi: y = r + R phi(y), one linear system where the laws
     are linear in y, else solved by Newton's iteration from y = r, where they do nothing. Rates are NaN where that finds no solution.
     Raises `ModelError` where a constraint reads one, `UnknownVariableError` for reactions that are not determined.
     """
-    readers = mechanics.readings.implicit
+    readers = {**mechanics.readings.implicit, **variables}
     used = {
         s.element_hash()
         for s in ca.symvar(
@@ -48,6 +55,7 @@ def with_reactions(
                 scalar.rates,
                 *scalar.solved.values(),
                 *(size.of for row in mechanics.modes for size in row.sizes),
+                *((v_dot, multipliers) if variables else ()),
             )
         )
     }
@@ -106,6 +114,8 @@ def _values(
     for symbol in symbols:
         if isinstance(symbol, Quantity):
             value = reactions.quantity(symbol)
+        elif symbol in solved:
+            value = solved[symbol]
         else:
             assert isinstance(symbol, Derivative)
             of = mechanics.readings.resolved(symbol.of.sx, mechanics.readings.implicit[symbol])

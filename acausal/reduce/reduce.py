@@ -21,7 +21,7 @@ from acausal.errors import AssemblyError, LockedError, ModelError, Overdetermine
 from acausal.language.connector import Electrical
 from acausal.language.equation import input_rates
 from acausal.language.expression import InputRate, Mode, Reaction, Symbol, Variable, stacked, time
-from acausal.language.flatten import FlatSystem
+from acausal.language.flatten import FlatSystem, Part
 from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
 from acausal.parts.pose import symbolic
@@ -269,11 +269,13 @@ def reduce_system(
         inertias = articulated_inertias(tree, geared.rotors)
         v_dot = forward_dynamics(mechanics.kinematics, rest, list(mechanics.wrenches), inertias=inertias)
         scalar = dataclasses.replace(scalar, tau=geared.forces - geared.resistance * v_dot)
+    left: dict[Symbol, Part] = {}
     if mechanics.readings.borrowed:
-        mechanics, scalar, read = with_signals(mechanics, scalar)
+        mechanics, scalar, read, left = with_signals(mechanics, scalar)
     steps = [[(tau, scalar.tau), *read]]
-    if mechanics.readings.implicit:
-        mechanics, scalar, read = with_reactions(mechanics, constraints, _put(steps, v_dot), _put(steps, multipliers), scalar)
+    if mechanics.readings.implicit or left:
+        closed = _put(steps, v_dot), _put(steps, multipliers)
+        mechanics, scalar, read = with_reactions(mechanics, constraints, *closed, scalar, left)
         steps.append(read)
     names = {**flat.names, **scalar.names}
     for rate in _input_rates(

@@ -15,16 +15,19 @@ from acausal.scalar.coupling import ScalarPart
 
 def with_signals(
     mechanics: MechanicalSystem, scalar: ScalarPart
-) -> tuple[MechanicalSystem, ScalarPart, list[tuple[ca.SX, ca.SX]]]:
-    """The same without symbols of other parts' variables; and what to put in for these. Raises `ModelError` where a variable depends on the force
-    that reads it.
+) -> tuple[MechanicalSystem, ScalarPart, list[tuple[ca.SX, ca.SX]], dict[Symbol, Part]]:
+    """The same without symbols of other parts' variables; what to put in for these; and those, with their readers, that stay since they depend on the force
+    that reads them. Raises `ModelError` for rates of these, and where more than forces would depend on any.
     """
     states = {symbol.sx.element_hash() for symbol in scalar.states}
     wanted = {s: part for s, part in mechanics.readings.borrowed.items() if s.sx.numel() > 1 or s.sx.element_hash() not in states}
     values: dict[Symbol, ca.SX] = {}
     for symbol, part in wanted.items():
         values[symbol] = _value(mechanics, scalar, symbol, part)
-    values = _without_each_other(mechanics, wanted, values)
+    values, left = _without_each_other(values)
+    rates = {symbol for symbol in left if symbol not in scalar.solved}
+    if rates:
+        raise _loop(mechanics, wanted, rates)
     symbols, new = [s.sx for s in values], list(values.values())
 
     def put(expression: ca.SX) -> ca.SX:
@@ -41,7 +44,7 @@ def with_signals(
     )
     done = dataclasses.replace(scalar, rates=put(scalar.rates), solved=solved, tau=put(scalar.tau), led=None)
     pairs = list(zip(symbols, new, strict=True))
-    return mechanics.with_values(pairs), done, pairs
+    return mechanics.with_values(pairs), done, pairs, {symbol: wanted[symbol] for symbol in left}
 
 
 def _value(mechanics: MechanicalSystem, scalar: ScalarPart, symbol: Symbol, part: Part) -> ca.SX:
@@ -61,22 +64,20 @@ def _value(mechanics: MechanicalSystem, scalar: ScalarPart, symbol: Symbol, part
     return rate + ca.jtimes(of, states, scalar.rates) if states.numel() else rate
 
 
-def _without_each_other(
-    mechanics: MechanicalSystem, readers: dict[Symbol, Part], values: dict[Symbol, ca.SX]
-) -> dict[Symbol, ca.SX]:
-    """Values in which no borrowed symbol is left: those that hold none first, then those that hold only these."""
+def _without_each_other(values: dict[Symbol, ca.SX]) -> tuple[dict[Symbol, ca.SX], list[Symbol]]:
+    """Values in which no borrowed symbol is left: those that hold none first, then those that hold only these; and symbols whose values hold themselves."""
     done: dict[Symbol, ca.SX] = {}
     open_ones = dict(values)
     while open_ones:
         left = ca.vertcat(*(ca.vec(s.sx) for s in open_ones))
         ready = [s for s, value in open_ones.items() if not ca.depends_on(value, left)]
         if not ready:
-            raise _loop(mechanics, readers, set(open_ones))
+            break
         for symbol in ready:
             done[symbol] = open_ones.pop(symbol)
         for symbol, value in open_ones.items():
             open_ones[symbol] = ca.substitute([value], [s.sx for s in ready], [done[s] for s in ready])[0]
-    return done
+    return done, list(open_ones)
 
 
 def _loop(mechanics: MechanicalSystem, readers: dict[Symbol, Part], symbols: set[Symbol]) -> ModelError:

@@ -239,7 +239,7 @@ CASES = [
     Wrong("body of no number", body(Inertia(1.0, np.zeros(3), np.full((3, 3), np.nan))), PARAMETER, ("own (", "finite")),
     Wrong("body whose frame is nowhere", body(Inertia(1.0, np.zeros(3), np.eye(3)), lambda self: ()), MODEL, ("attachments()", "frame")),
     Wrong("one attachment without a tuple", body(Inertia.zero(), lambda self: Attachment(self.frame, Pose.identity())), MODEL, ("attachments()", "tuple")),
-    Wrong("force that follows a measured torque", pushed(lambda s: (s.sensor.torque.value, 0, 0)), MODEL, ("push (", "sensor.torque.value", "accelerations", "Integrator")),
+    Wrong("force that follows the rate of a measured torque", pushed(lambda s: (ac.der(s.sensor.torque.value), 0, 0)), MODEL, ("push (", "sensor.torque.value", "accelerations", "Integrator")),
     Wrong("force that follows another scene", pushed(lambda s: (Pendulum().hinge.q, 0, 0)), UNKNOWN, ("push (", "'q' [rad]", "no part of the scene")),
     Wrong("force that follows a point elsewhere", pushed(lambda s: Pendulum().rod.tip.position), UNKNOWN, ("push (", "position", "Assign its part")),
     Wrong("force of an undeclared symbol", pushed(lambda s: (ca.SX.sym("a"), 0, 0)), MODEL, ("push (", "'a'", "declared nowhere", "ac.Parameter")),
