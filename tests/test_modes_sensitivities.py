@@ -19,6 +19,7 @@ from components import (
     Brake,
     Contact,
     Coulomb,
+    Force,
     Hard,
     Inertia,
     Particle,
@@ -606,3 +607,34 @@ def test_derivatives_that_fail_promise_no_motion() -> None:
     with pytest.raises(ac.errors.SimulationError, match="max_steps") as failed:
         ac.build(scene).sensitivities([0.0, 3.0], [scene.height], {scene.mass.s: 1.0, scene.mass.v: 0.0}, max_steps=2)
     assert failed.value.trajectory is None and "trajectory" not in str(failed.value)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-3, 1e4])
+@pytest.mark.parametrize(("mu", "mass", "growth", "angle"), [(0.3, 2.0, 9.0, 0.0), (0.5, 2.0, 5.1, 2.0), (0.12, 1.7, 7.3, -0.7)])
+def test_what_a_growing_push_sets_in_motion_has_the_derivatives_of_its_closed_form(mu, mass, growth, angle, size):
+    """|x| = F / (6 m) (t - mu m g / F)^3 along the push F t: slip begins as slowly as its square, in a direction that then no longer is held, and of nothing is told that it only just happens.
+    As long as it is held its derivative is none: that of the angle is off by what comes of these some 1e-4 s."""
+    scene = ac.System()
+    scene.world, scene.mass, scene.mu = World((0, 0, -9.81 * size)), ac.Parameter(mass, "kg"), ac.Parameter(mu, "1")
+    scene.growth, scene.angle = ac.Parameter(growth * size, "N/s"), ac.Parameter(angle, "rad")
+    scene.ball, scene.floor = Particle(scene.mass), PointOnPlane(unilateral=True, friction=Coulomb(scene.mu))
+    push = scene.growth * ac.time
+    scene.push = Force((push * np.cos(scene.angle), push * np.sin(scene.angle), 0))
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.connect(scene.floor.frame_b, scene.ball.point, scene.push.point)
+    at, end = scene.ball.point, 3.0
+    wrt = [scene.mu, scene.mass, scene.growth, scene.angle]
+    found = ac.build(scene).sensitivities([0, end], wrt, {at.position: (0, 0, 0), at.velocity: (0, 0, 0)}, rtol=1e-11)
+    F, later = growth * size, end - mu * mass * 9.81 / growth
+    x, by_later = F / (6 * mass) * later**3, F / (2 * mass) * later**2
+    # each: of the way, and of its angle
+    way = [
+        -by_later * mass * 9.81 * size / F,
+        -x / mass - by_later * mu * 9.81 * size / F,
+        x / F + by_later * mu * mass * 9.81 * size / F**2,
+        0.0,
+    ]
+    along, across = np.array([np.cos(angle), np.sin(angle), 0]), np.array([-np.sin(angle), np.cos(angle), 0])
+    for k, turned in enumerate((0.0, 0.0, 0.0, x)):
+        most = (1e-7 if turned else 1e-9) * max(abs(way[k]), turned)
+        assert found[at.position][-1][:, k] == pytest.approx(way[k] * along + turned * across, rel=0, abs=most)

@@ -57,10 +57,12 @@ static void note_law(const Integrator *I, long *first, long row) {
     if (!*first) *first = 1 + law_of_row(I, row);
 }
 
-/* Whether a row tells where the direction of a slip in a plane begins to be held: there the flow is the same to either side. */
+/* Whether a row tells where the direction of a slip in a plane begins to be held, or has grown so much that it need not be: there the flow is the same to either side. */
 static int only_turns(const Integrator *I, long row) {
-    long first = I->one_sided + 2 * I->lines;
-    return row >= first && row < first + 2 * (I->planes + I->patches) && I->state->side[mask_of(I, I->lines + (row - first) / 2) + 1] == 1;
+    long first = I->one_sided + 2 * I->lines, k = row - first;
+    if (k < 0 || k >= 2 * (I->planes + I->patches)) return 0;
+    const double *mask = I->state->side + mask_of(I, I->lines + k / 2);
+    return mask[1] == 1 || (mask[2] == 1 && k % 2);
 }
 
 /* How much later the row vanishes, direction by direction, into T->delay. Returns 0 when the input function failed. */
