@@ -308,6 +308,7 @@ class AbstractModel(ABC):
         joints (the forces along their velocities), or expressions of positions (forces that work on their rates). More forces than motions:
         the least, by the sum of squares. What motions leave open moves by its own dynamics from `start`, which also selects the
         branch of loops. Contacts that are closed at the start, and friction that sticks, do so all along: `demands` of the result tell what that asks of them.
+        Friction that the motions make slip acts against its slip, whichever way that goes; while it stands, against the way that it went.
         Raises `MotionError` where the mechanism cannot follow or the forces do not suffice, `OptionError`, `UnknownVariableError`.
         """
         from acausal.analysis.inverse_dynamics import inverse_dynamics, times_of

@@ -8,7 +8,20 @@ import pytest
 import acausal as ac
 from acausal.analysis.inverse_dynamics import InverseDynamics
 from acausal.errors import MotionError, OptionError
-from components import Coulomb, Force, PointOnPlane, Prismatic, Revolute, RigidBody, World
+from components import (
+    Brake,
+    Coulomb,
+    Force,
+    ForceSource,
+    JointFriction,
+    Particle,
+    PointOnPlane,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    TorqueSource,
+    World,
+)
 from tests.rough import dragged, thrown
 
 TIMES = np.linspace(0.0, 2.0, 9)
@@ -152,3 +165,45 @@ def test_box_on_many_feet_needs_of_all_together_what_one_would(legs: int) -> Non
     assert np.linalg.norm(rubs, axis=1) == pytest.approx(2.0, rel=1e-9)
     assert found.force(scene.rail) == pytest.approx(5.0, rel=1e-9)
     assert all(demand.shared for demand in found.demands.values())
+
+
+THERE_AND_BACK = np.linspace(0.0, 4.0, 17)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
+@pytest.mark.parametrize("part", ["slide", "hinge", "plane"])
+def test_friction_acts_against_a_slip_that_is_prescribed_whichever_way_it_goes(part: str, size: float) -> None:
+    """From rest to rest, there and back again and again, x = (1 - cos(pi t)) / 2: what it takes besides inertia and weight is the limit along x'; where it stands, along the way that it went."""
+    t, scene = THERE_AND_BACK, ac.System()
+    x, v, a = 0.5 - 0.5 * np.cos(np.pi * t), np.sin(np.pi * t), np.pi**2 / 2 * np.cos(np.pi * t)
+    way = np.where(t == 0, 1.0, np.where(np.abs(v) < 1e-9, np.sign(np.sin(np.pi * (t - 0.1))), np.sign(v)))
+    course = size * (0.5 - 0.5 * np.cos(np.pi * ac.time))
+    scene.world, scene.one, scene.other = World((0, 0, -9.81 * size)), ac.Input("N"), ac.Input("N")
+    if part == "plane":
+        scene.block, scene.floor = Particle(2.0), PointOnPlane(unilateral=True, friction=Coulomb(0.4))
+        scene.push = Force((scene.one, scene.other, 0))
+        scene.connect(scene.world.frame, scene.floor.frame_a)
+        scene.connect(scene.floor.frame_b, scene.block.point, scene.push.point)
+        at = scene.block.point.position
+        motions, forces = {at[0]: 3 * course, at[1]: -4 * course}, (scene.one, scene.other)
+        wanted = [2 * 9.81 * 0.4 * way * k / 5 + 2 * a * k for k in (3, -4)]
+    elif part == "slide":
+        scene.slide, scene.block, scene.push = Prismatic("x"), RigidBody(2.0, inertia=(size**2,) * 3), ForceSource(scene.one)
+        scene.rub = JointFriction(scene.slide, Coulomb(0.4))
+        scene.connect(scene.world.at((0, 0, 0), rotation=("y", -0.3)), scene.slide.frame_a)
+        scene.connect(scene.slide.frame_b, scene.block.frame)
+        scene.connect(scene.slide.flange, scene.push.flange)
+        motions, forces = {scene.slide.q: course}, (scene.one,)
+        wanted = [2 * a + 2 * 9.81 * (np.sin(0.3) + 0.4 * np.cos(0.3) * way)]
+    else:
+        scene.hinge, scene.rod, scene.motor = Revolute("y"), RigidBody.rod(2.0, (0, 0, -size)), TorqueSource(size * scene.one)
+        scene.brake = Brake(scene.hinge.flange, 3.0 * size**2)
+        scene.connect(scene.world.frame, scene.hinge.frame_a)
+        scene.connect(scene.hinge.frame_b, scene.rod.frame)
+        scene.connect(scene.hinge.flange, scene.motor.flange)
+        motions, forces = {scene.hinge.q: course / size}, (scene.one,)
+        wanted = [2 / 3 * a + 9.81 * np.sin(x) + 3 * way]
+    found = ac.build(scene).inverse_dynamics(t, motions, forces)
+    for force, one in zip(forces, wanted, strict=True):
+        assert found[force] == pytest.approx(one * size, rel=1e-10, abs=1e-9 * size)
+    assert found.demands[{"plane": "floor.force_part.drag", "slide": "rub", "hinge": "brake"}[part]].word == "slides"

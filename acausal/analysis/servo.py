@@ -18,11 +18,13 @@ from acausal.analysis.mode_at import mode_words
 from acausal.analysis.nearest import NearestRoot, Rows, largest_gaps
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.analysis.prescribed import Course
+from acausal.analysis.slips import Slips
 from acausal.analysis.state_sizes import power_of_two, sizes_at
 from acausal.errors import MotionError, OptionError
 from acausal.numerics.terms import rounded
 from acausal.numerics.thresholds import ROUNDING
 from acausal.outputs.outputs import Outputs
+from acausal.start.coordinates import turning_states
 from acausal.wording import counted
 
 _HIGHEST = 4
@@ -80,22 +82,44 @@ class Servo:
         self._top = Differentiable(s, self._highest)
         self._x_dot = Differentiable(s, s.x_dot)
         self._usual: np.ndarray | None = None
+        self._slips: Slips | None = None
         self._sizes = sizes_at(s, self._x_dot, began)
-        self._limit = np.concatenate([_STEP * self._sizes.x[: s.nq], np.full(s.x.numel() - s.nq, np.inf)])
 
     def run(self, t: np.ndarray) -> Followed:
         """Where nothing is left open the motion is found time by time, otherwise by integration."""
+        self._sizes = replace(self._sizes, x=np.maximum(self._sizes.x, self._asked(t)))
         x0, free = self._follow(float(t[0]), self._began.x)
         if self._held:
-            self._began = led_in_its_mode(self._actuation.functions, self._at(float(t[0]), x0), self._sizes.x)
+            at, slips = self._at(float(t[0]), x0), Slips(self._actuation.functions, self._sizes.x)
+            slips.look(at, float(t[min(1, t.size - 1)]), self._follow_in_mode)
+            self._began, self._slips = led_in_its_mode(self._actuation.functions, at, self._sizes.x), slips
             self._usual = None
             x0, free = self._follow(float(t[0]), x0)
         self._forces(float(t[0]), x0)
         names = self._actuation.functions.state_names
         share = np.sum((free / self._sizes.x[:, None]) ** 2, axis=1)
         x = self._integrated(t, x0) if free.shape[1] else self._stepped(t, x0)
+        if self._slips is not None:
+            self._slips.begin_again()
         u = np.column_stack([self._forces(float(at), x[:, k]) for k, at in enumerate(t)])
         return Followed(x, u, tuple(n for n, c in zip(names, share, strict=True) if c > 1e-6))
+
+    @property
+    def _limit(self) -> np.ndarray:
+        """How far states (nx,) may go in a step of a search; velocities as they like."""
+        nq = self._actuation.functions.outputs.system.nq
+        return np.append(_STEP * self._sizes.x[:nq], np.full(self._sizes.x.size - nq, np.inf))
+
+    def _asked(self, t: np.ndarray) -> np.ndarray:
+        """How far the courses lead states (nx,) all in all, each of them alone; 0 for angles, whose size is known."""
+        size, s = self._sizes.x, self._actuation.functions.outputs.system
+        along = self._hard.along(self._began, np.diag(size))[self._closing + self._held :]
+        orders = [(c, k) for c, n in zip(self._wanted, self._orders, strict=True) for k in range(n)]
+        far = np.array([np.ptp([c(float(at), k) for at in t]) for c, k in orders])
+        square = np.sum(along**2, axis=1)
+        found = np.max(np.abs(along) * np.divide(far, square, out=np.zeros(far.size), where=square > 0)[:, None], axis=0) * size
+        found[: s.nq][turning_states(s)[0]] = 0.0
+        return np.exp2(np.ceil(np.log2(found, out=np.full(found.size, -np.inf), where=found > 0)))
 
     def _stepped(self, t: np.ndarray, x0: np.ndarray) -> np.ndarray:
         x, found = x0, [x0]
@@ -142,7 +166,13 @@ class Servo:
         u[self._actuation.entries] = 0.0
         masks = self._masks
         u[u.size - masks :] = self._began.u[u.size - masks :]
-        return replace(self._began, t=t, x=x, u=u)
+        at = replace(self._began, t=t, x=x, u=u)
+        return at if self._slips is None else self._slips.put(at)
+
+    def _follow_in_mode(self, at: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
+        """`_follow` in the mode of a point."""
+        self._began, self._usual = replace(self._began, u=at.u), None
+        return self._follow(at.t, at.x)
 
     def _follow(self, t: float, guess: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The nearest consistent states on the courses, and the directions that these leave open."""
