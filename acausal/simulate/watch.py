@@ -44,6 +44,8 @@ _CHEAP, _SHARE = 1e4, 1 / 40
 _SIGNS = np.random.default_rng(0).uniform(0.5, 1.0, 509) * np.random.default_rng(1).choice([-1.0, 1.0], 509)
 """Directions of disturbances."""
 _FOURTHS, _PARTS = np.arange(_LOOKS // 2), (np.arange(1, _LOOKS // 2 + 1) - 0.5) / (_LOOKS // 2)
+_NIL = (64 * _EPS) ** 2
+"""Of the energy that all would have by what acts on it, what is nothing but rounding of velocities."""
 
 
 @dataclass(frozen=True)
@@ -186,6 +188,15 @@ def _rounding(functions: Functions, run: Trajectory, k: int, sizes: Sizes, h: fl
     return Rounding(functions.watched)(t, x, u, p, spread=spread)
 
 
+def _energy_if_nothing_held(functions: Functions, run: Trajectory) -> float:
+    """The kinetic energy at the end of a run in which each term of the rates at the start had acted alone [J]."""
+    t, x, p = run.steps.t[:1], run.steps.x[:, :1], run.problem.parameters
+    u = inputs_at_steps(run, np.array([0]))
+    terms = Rounding(functions.explicit_dynamics)(float(t[0]), x[:, 0], u[:, 0], p) / _EPS
+    free = x + float(run.steps.t[-1] - t[0]) * np.nan_to_num(terms)[:, None]
+    return float(np.nan_to_num(functions.series(functions.watched)(t, free, u, p)[0, 0]))
+
+
 def energy_terms(run: Trajectory) -> float:
     """The terms that energies are the sums of, where the most moves [J]: there also where heights are counted from what rests."""
     functions, energies = run.functions, at_steps(run.functions, run, run.functions.watched)[:2]
@@ -221,12 +232,12 @@ def _look_at_energy(
     least = np.maximum(sizes.part * every.scale, spreads)
     look = int(np.argmax(np.abs(every.gap[some]) / np.maximum(least, np.finfo(float).tiny)))
     worst = int(some[look])
-    plain, later = (
-        _NOISE * np.sum([_rounding(functions, run, k, sizes, h)[:2] for k in (0, worst)], axis=0)
+    plain, noise = (
+        _NOISE * sum(float(np.sum(_rounding(functions, run, k, sizes, h)[:2])) for k in (0, worst))
         for h in (0.0, _longest(run, run.steps.t.size))
     )
-    plain, noise = float(plain.sum()), float(later.sum())
-    moves = float(T.max()) > max(plain, float(later[0]))  # what rests is held by forces whose rounding is all that works
+    # what rests is held by forces whose rounding is all that works
+    moves = float(T.max()) > max(plain, _NIL * _energy_if_nothing_held(functions, run))
     allowed = max(float(least[look]), plain, min(noise, _MOST * every.scale) if moves else noise)
     if not np.abs(every.gap[worst]) > allowed:
         return
