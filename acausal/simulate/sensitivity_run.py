@@ -14,6 +14,7 @@ from acausal.outputs.functions import Functions
 from acausal.outputs.infinite import without_value
 from acausal.simulate.sensitivity import Sensitivities, Wanted, sensitivities
 from acausal.simulate.simulation import problem_of
+from acausal.simulate.transitions import laws_of
 from acausal.simulate.trouble import check_inside_all, failure, raise_if_interrupted
 from acausal.start.inputs import knots
 from acausal.start.situation import Situation
@@ -51,13 +52,19 @@ def sensitivity_run(
 
 def _warn_of_one_sided(functions: Functions, run: Sensitivities) -> None:
     """Where derivatives to either side of these values are not the same."""
+    modes = functions.modes
+    if modes is None:
+        return
+    rows = [law.row for law in laws_of(functions.outputs)]
     for law, what in (
         (run.found.grazed, "only just comes to where it changes"),
-        (run.found.coincides, "closes in the same instant as another, or in that of the start"),
+        (run.found.coincides, "{} in the same instant as another, or in that of the start"),
     ):
-        if law is not None and functions.modes is not None:
+        if law is not None:
+            rubs = law < len(rows) and not rows[law].one_sided
+            together = " Where several hold one another they give way together, at a time that depends on all of them, which is not known here: compare with differences of motions."
             warnings.warn(
-                f"sensitivities: {functions.modes.words[law]} {what}: a little off these values the motion goes on in another way to either side, and its derivatives "
-                "there are not the same; those that are given belong to one side at most. Move the values a little, to the side that is meant.",
+                f"sensitivities: {modes.words[law]} {what.format('changes' if rubs else 'closes')}: a little off these values the motion goes on in another way to either side, and its derivatives "
+                f"there are not the same; those that are given belong to one side at most. Move the values a little, to the side that is meant.{together if rubs and '{' in what else ''}",
                 SingularWarning, stacklevel=callers_level() + 1,
             )  # fmt: skip
