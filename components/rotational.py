@@ -11,22 +11,19 @@ from acausal.errors import ParameterError
 from acausal.language.component import Component
 from acausal.language.connector import Rotational
 from acausal.language.equation import Equation, der, equal
-from acausal.language.expression import Expression, Scalar, Variable, checked, scalar
+from acausal.language.expression import Expression, Scalar, Variable, scalar
 from acausal.language.origin import origin
+from components.flanges import asked
 
 _HELD = "Connect both flanges; to hold one, connect it to a RotationalGround."
 
 
 def not_zero(value: float | Expression, what: str) -> float | Expression:
     """The value of a ratio; raises `ParameterError` for 0, also as the value of a parameter."""
-    check = functools.partial(_check_not_zero, what=what)
-    if isinstance(value, Expression):
-        return checked(value, check)
-    check(value)
-    return value
+    return asked(value, functools.partial(_check_not_zero, what=what))
 
 
-def _check_not_zero(value: object, what: str) -> None:
+def _check_not_zero(value: float, what: str) -> None:
     if value == 0.0:
         raise ParameterError(f"{what} is 0 ({origin()}): nothing would be transmitted. Give a number that is not zero.")
 

@@ -11,7 +11,7 @@ import pytest
 
 import acausal as ac
 from acausal.emit.compiler import compiler
-from acausal.runtime import lasting
+from acausal.runtime import kernels, lasting
 from acausal.runtime import native as natives
 from acausal.runtime.kernels import How
 from acausal.runtime.native import native_problem
@@ -84,7 +84,7 @@ def test_compiled_programs_of_modes_take_over_unseen(
     monkeypatch.setitem(model.functions._native._kept, How.AUTO, native)
     alone = model.simulate(end, start, rtol=1e-9, max_step=0.02)
     monkeypatch.setattr(natives, "_SLICE", 1e-4)
-    monkeypatch.setattr(lasting, "in_background", lambda work, _: work())
+    monkeypatch.setattr(kernels, "in_background", lambda work, _: work())
     native.template.cache_clear()  # slices stand in it
     native.lasting = lasting.LastingModes(native.runtime, compiler())
     native.lasting.worth = 1e-4
@@ -92,8 +92,8 @@ def test_compiled_programs_of_modes_take_over_unseen(
         run = model.simulate(end, start, rtol=1e-9, max_step=0.02)
         assert np.array_equal(run.solution.t, alone.solution.t)
         assert np.array_equal(run.solution.x, alone.solution.x)
-    jobs = native.lasting._work.jobs.values()
-    assert jobs and all(job.function is not None for job in jobs)
+    functions = native.lasting._functions.values()
+    assert functions and all(function is not None for function in functions)
     assert native.compiling(0.0, math.inf) > 0 and not native.busy
 
 

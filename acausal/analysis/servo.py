@@ -83,16 +83,17 @@ class Servo:
         self._x_dot = Differentiable(s, s.x_dot)
         self._usual: np.ndarray | None = None
         self._slips: Slips | None = None
-        self._sizes = sizes_at(s, self._x_dot, began)
+        self._sizes, self._nq = sizes_at(s, self._x_dot, began), s.nq
 
     def run(self, t: np.ndarray) -> Followed:
         """Where nothing is left open the motion is found time by time, otherwise by integration."""
         self._sizes = replace(self._sizes, x=np.maximum(self._sizes.x, self._asked(t)))
+        self._limit = np.append(_STEP * self._sizes.x[: self._nq], np.full(self._sizes.x.size - self._nq, np.inf))
         x0, free = self._follow(float(t[0]), self._began.x)
         if self._held:
             at, slips = self._at(float(t[0]), x0), Slips(self._actuation.functions, self._sizes.x)
             slips.look(at, float(t[min(1, t.size - 1)]), self._follow_in_mode)
-            self._began, self._slips = led_in_its_mode(self._actuation.functions, at, self._sizes.x), slips
+            self._began, self._slips = slips.put(led_in_its_mode(self._actuation.functions, at, self._sizes.x)), slips
             self._usual = None
             x0, free = self._follow(float(t[0]), x0)
         self._forces(float(t[0]), x0)
@@ -103,12 +104,6 @@ class Servo:
             self._slips.begin_again()
         u = np.column_stack([self._forces(float(at), x[:, k]) for k, at in enumerate(t)])
         return Followed(x, u, tuple(n for n, c in zip(names, share, strict=True) if c > 1e-6))
-
-    @property
-    def _limit(self) -> np.ndarray:
-        """How far states (nx,) may go in a step of a search; velocities as they like."""
-        nq = self._actuation.functions.outputs.system.nq
-        return np.append(_STEP * self._sizes.x[:nq], np.full(self._sizes.x.size - nq, np.inf))
 
     def _asked(self, t: np.ndarray) -> np.ndarray:
         """How far the courses lead states (nx,) all in all, each of them alone; 0 for angles, whose size is known."""
@@ -166,8 +161,7 @@ class Servo:
         u[self._actuation.entries] = 0.0
         masks = self._masks
         u[u.size - masks :] = self._began.u[u.size - masks :]
-        at = replace(self._began, t=t, x=x, u=u)
-        return at if self._slips is None else self._slips.put(at)
+        return replace(self._began, t=t, x=x, u=u)
 
     def _follow_in_mode(self, at: OperatingPoint) -> tuple[np.ndarray, np.ndarray]:
         """`_follow` in the mode of a point."""
@@ -209,6 +203,7 @@ class Servo:
     def _forces(self, t: float, x: np.ndarray) -> np.ndarray:
         """All inputs (nu,): the least forces (by the sum of squares) that give the wanted highest derivatives."""
         at, entries = self._at(t, x), self._actuation.entries
+        at = at if self._slips is None else self._slips.put(at)
         by_force = np.zeros((at.u.size, len(entries)))
         by_force[entries, range(len(entries))] = 1.0
         target = np.array([c(t, n) for c, n in zip(self._wanted, self._orders, strict=True)])

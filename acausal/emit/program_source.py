@@ -10,6 +10,7 @@ import numpy as np
 
 from acausal.emit.emit import ARGUMENTS, BINARY, CHUNK, UNARY, literal
 from acausal.emit.program import CODES, LOAD, MOVE, MUL_ADD, MUL_MUL, MUL_SUB, NUMBER, SINCOS, STORE, SUB_MUL, SYSTEM
+from acausal.numerics.staged import LinearSystem
 
 _FORMULAS = {CODES[code]: text for code, text in (UNARY | BINARY).items()} | {
     MUL_ADD: "{0} * {1} + {2}",
@@ -55,8 +56,7 @@ def _needs(statement: _Statement) -> Sequence[int]:
     """Places of the frame that are read."""
     code, to, *of = statement
     if code == SYSTEM:
-        rows, columns, damped = of
-        return range(to, to + _operands_of_system(rows, columns, damped))
+        return range(to, to + _system(of).operands)
     return of[: 1 if code in (STORE, SINCOS) else _OPERANDS.get(code, 0)]
 
 
@@ -64,15 +64,14 @@ def _makes(statement: _Statement) -> Sequence[int]:
     """Places of the frame that are written."""
     code, to, *of = statement
     if code == SYSTEM:
-        rows, columns, damped = of
-        first = to + _operands_of_system(rows, columns, damped)
-        return range(first, first + rows * columns)
+        system = _system(of)
+        return range(to + system.operands, to + system.operands + system.answers)
     return () if code == STORE else (to, of[1]) if code == SINCOS else (to,)
 
 
-def _operands_of_system(rows: int, columns: int, damped: int) -> int:
-    """See systems.h."""
-    return rows * (1 + rows + (1 if damped else 0) + columns)
+def _system(of: Sequence[int]) -> LinearSystem:
+    rows, columns, damped = of
+    return LinearSystem(rows, columns, bool(damped))
 
 
 @dataclass

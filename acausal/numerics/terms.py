@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -14,30 +15,29 @@ def rounded(expression: ca.SX) -> ca.SX:
     """For each entry (n, 1) the sum of the sizes of its terms, carried through functions by their slopes; times 1e-16 it bounds the
     rounding error to first order (Wilkinson's running error analysis). It has the entry's unit. Cost: a few operations for each one.
     """
-    symbols = ca.symvar(expression)
-    function = ca.Function("rows", [ca.vertcat(ca.SX(0, 1), *symbols)], [ca.densify(expression)])
-    work: dict[int, tuple[ca.SX, ca.SX]] = {}
-    found = ca.SX.zeros(expression.numel())
-    for k in range(function.n_instructions()):
-        code, inputs, outputs = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
-        if code == ca.OP_OUTPUT:
-            found[outputs[1]] = work[inputs[0]][1]
-        elif code == ca.OP_INPUT:
-            work[outputs[0]] = symbols[inputs[1]], _size(symbols[inputs[1]])
-        elif code == ca.OP_CONST:
-            constant = ca.SX(function.instruction_constant(k))
-            work[outputs[0]] = constant, _size(constant)
-        else:
-            work[outputs[0]] = _result(code, [work[i] for i in inputs])
-    return found
+    return _carried(expression, _size, _result)
 
 
 def squares_of_terms(expression: ca.SX) -> ca.SX:
     """For each entry (n, 1) the sum of the squares of its terms, carried through sums, products and quotients: without absolute values, which would be
     switches where steps of a motion end, and without slopes, which have borders."""
+
+    def result(code: int, arguments: list[_Sized]) -> _Sized:
+        values, squares = [value for value, _ in arguments], [square for _, square in arguments]
+        return _applied(code, *values), _square_of_result(code, values, squares)
+
+    return _carried(expression, _square, result)
+
+
+_Sized = tuple[ca.SX, ca.SX]
+"""A value, and how large it is."""
+
+
+def _carried(expression: ca.SX, size: Callable[[ca.SX], ca.SX], result: Callable[[int, list[_Sized]], _Sized]) -> ca.SX:
+    """How large each entry (n, 1) is: by the sizes of its symbols and constants, and what operations make of them."""
     symbols = ca.symvar(expression)
     function = ca.Function("rows", [ca.vertcat(ca.SX(0, 1), *symbols)], [ca.densify(expression)])
-    work: dict[int, tuple[ca.SX, ca.SX]] = {}
+    work: dict[int, _Sized] = {}
     found = ca.SX.zeros(expression.numel())
     for k in range(function.n_instructions()):
         code, inputs, outputs = function.instruction_id(k), function.instruction_input(k), function.instruction_output(k)
@@ -45,11 +45,9 @@ def squares_of_terms(expression: ca.SX) -> ca.SX:
             found[outputs[1]] = work[inputs[0]][1]
         elif code in (ca.OP_INPUT, ca.OP_CONST):
             value = symbols[inputs[1]] if code == ca.OP_INPUT else ca.SX(function.instruction_constant(k))
-            work[outputs[0]] = value, _square(value)
+            work[outputs[0]] = value, size(value)
         else:
-            arguments = [work[i] for i in inputs]
-            values = [value for value, _ in arguments]
-            work[outputs[0]] = _applied(code, *values), _square_of_result(code, values, [square for _, square in arguments])
+            work[outputs[0]] = result(code, [work[i] for i in inputs])
     return found
 
 

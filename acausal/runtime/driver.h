@@ -782,7 +782,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;
         int solved = solve_stages(I, S, h, LEFT, &contraction);
         if (solved < 0) return INPUT_FAILED;
-        if (present(&I->clearance) && T->touching) return touched(I);
+        if (T->touching) return touched(I);
         if (!solved) {
             T->jacobian_fresh = T->jacobian_time == I->t;
             L.row = -1;
@@ -942,7 +942,7 @@ again:;
         T->newton_now = 0;
     }
     if (solved < 0) return INPUT_FAILED;
-    if (present(&I->clearance) && I->state->touching) return touched(I);
+    if (I->state->touching) return touched(I);
     if (!solved) {
         enum Code code = failed_at(I, STEP_UNDERFLOW);
         return code == STEP_UNDERFLOW ? NOT_CONVERGED : code;

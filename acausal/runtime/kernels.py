@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
 import enum
 import functools
@@ -10,15 +11,16 @@ import logging
 import math
 import os
 import time
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
 from acausal.emit.compiler import NATIVE, cached_library, compiler, in_background
-from acausal.emit.emit import EMITTER, emit, translation_units
+from acausal.emit.emit import EMITTER, Source, emit, translation_units
 from acausal.emit.library import sources
 from acausal.emit.program import Program, program
 from acausal.errors import ExportError
@@ -66,6 +68,22 @@ class Wanted:
         """What it is told apart by."""
         function, systems = systems_of(self.function)
         return f"{self.name}\0{self.parameters}\0{systems}\0{function.serialize()}"
+
+    def source(self) -> Source:
+        """Its C. Raises `ExportError` where it has none."""
+        return emit(self.function, self.name, parameters=self.parameters)
+
+
+class Compilable(Protocol):
+    """What C can be made of: a function of this name, and what it is told apart by."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def key(self) -> str: ...
+
+    def source(self) -> Source: ...
 
 
 class How(enum.Enum):
@@ -145,19 +163,15 @@ class Kernels:
     def _take_compiled(self) -> None:
         assert self._compilation is not None
         library, found = self._compilation.result()
-        lanes = ctypes.c_long.in_dll(library, "kernel_lanes").value
-        if lanes != self._lanes:
-            raise ExportError(
-                f"Kernels were compiled for {lanes} lanes and the runtime for {self._lanes}; was the compiler changed?"
-            )
+        check_lanes(library, self._lanes)
         self._alive.append(library)
         self.current, self.kind = found, "compiled"
 
 
 class Compilation:
-    """The compilation of kernels, in the background or waited for."""
+    """The compilation of some functions, in the background or waited for."""
 
-    def __init__(self, wanted: tuple[Wanted, ...], command: tuple[str, ...], options: tuple[str, ...] = (NATIVE,)) -> None:
+    def __init__(self, wanted: tuple[Compilable, ...], command: tuple[str, ...], options: tuple[str, ...] = (NATIVE,)) -> None:
         self._wanted, self._command, self._options = wanted, command, options
         self._begun: float | None = None
         self._ended: float | None = None
@@ -176,8 +190,14 @@ class Compilation:
 
     def result(self) -> tuple[ctypes.CDLL, list[Kernel]]:
         """The library, which must be kept as long as the kernels are used, and the kernels. Raises `ExportError`."""
-        with usable(self._library(None) or self._compiled()) as library:
+        with self.opened() as library:
             return library, [_kernel(library, w.name) for w in self._wanted]
+
+    @contextlib.contextmanager
+    def opened(self) -> Generator[ctypes.CDLL]:
+        """The library. Raises `ExportError`, also where something in it is missed."""
+        with usable(self._library(None) or self._compiled()) as library:
+            yield library
 
     def begin(self) -> None:
         """Compile in the background, unless that has begun."""
@@ -199,8 +219,7 @@ class Compilation:
         return self._begun is not None and self._ended is None
 
     def _compiled(self) -> Path:
-        sources = [emit(w.function, w.name, parameters=w.parameters) for w in self._wanted]
-        path = self._library(translation_units(sources, os.cpu_count() or 1))
+        path = self._library(translation_units([w.source() for w in self._wanted], os.cpu_count() or 1))
         assert path is not None
         return path
 
@@ -215,6 +234,13 @@ class Compilation:
             logger.info("acausal: %s", error)
         finally:
             self._ended = time.perf_counter()
+
+
+def check_lanes(library: ctypes.CDLL, lanes: int) -> None:
+    """Raises `ExportError` for a library whose functions take other values than those of so many lanes."""
+    made_for = ctypes.c_long.in_dll(library, "kernel_lanes").value
+    if made_for != lanes:
+        raise ExportError(f"Kernels were compiled for {made_for} lanes and the runtime for {lanes}; was the compiler changed?")
 
 
 @dataclass(frozen=True)

@@ -6,23 +6,20 @@ import ctypes
 import hashlib
 import logging
 import threading
-import time
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.emit.compiler import cached_library, in_background
-from acausal.emit.emit import Source, translation_units
+from acausal.emit.emit import Source
 from acausal.emit.program import WIDTH
 from acausal.emit.program_source import emit_program
 from acausal.errors import ExportError
-from acausal.runtime.kernels import WORTH, compilation_cost, made_with
-from acausal.runtime.load import Runtime, usable
+from acausal.runtime.kernels import WORTH, Compilation, check_lanes, compilation_cost
+from acausal.runtime.load import Runtime
 
 logger = logging.getLogger("acausal")
 _STATEMENT = 2.5e-9
 """Seconds that the interpreter needs for one."""
-_NAME = "of_mode"
 
 
 class _Lasting(ctypes.Structure):
@@ -31,36 +28,42 @@ class _Lasting(ctypes.Structure):
     _fields_ = [("program", ctypes.c_void_p), ("length", ctypes.c_long), ("spent", ctypes.c_double)]
 
 
-@dataclass
-class _Job:
-    """A program, and its function once it is compiled, in a library that is kept as long as the function is used."""
+@dataclass(frozen=True)
+class _Mode:
+    """A program that lasts: its statements, for so many lanes."""
 
-    program: np.ndarray
-    function: int | None = None
-    library: ctypes.CDLL | None = None
+    statements: bytes
+    lanes: int
 
+    @property
+    def key(self) -> str:
+        """What it is told apart by."""
+        return f"{self.lanes}\0{hashlib.sha256(self.statements).hexdigest()}"
 
-@dataclass
-class _Work:
-    """What a compiler has done and has to do."""
+    @property
+    def name(self) -> str:
+        """Of its function."""
+        return f"mode_{hashlib.sha256(self.statements).hexdigest()[:16]}"
 
-    jobs: dict[bytes, _Job] = field(default_factory=dict[bytes, _Job])
-    waiting: list[_Job] = field(default_factory=list[_Job])
-    times: list[tuple[float, float]] = field(default_factory=list[tuple[float, float]])
-    begun: float | None = None
-    """When it began with what it works on now."""
+    def source(self) -> Source:
+        """Its C."""
+        program = np.frombuffer(self.statements, np.int32).reshape(-1, WIDTH)
+        return Source(self.name, tuple(emit_program(program, self.name, self.lanes)), 0, 0, 0, 0)
 
 
 class LastingModes:
     """Compiled programs of modes. Any thread may ask.
 
-    A program is compiled in the background when carrying it out has cost a part of what a compiler takes, as kernels are. Bits of a motion do not tell.
+    Programs are compiled in the background when carrying them out has cost a part of what a compiler takes, as kernels are. Bits of a motion do not tell.
     `command`: the compiler; None: nothing is compiled.
     """
 
     def __init__(self, runtime: Runtime, command: tuple[str, ...] | None) -> None:
-        self._runtime, self._command = runtime, command
-        self._work, self._lock = _Work(), threading.Lock()
+        self._runtime, self._command, self._lock = runtime, command, threading.Lock()
+        self._compilations: list[tuple[Compilation, tuple[_Mode, ...]]] = []
+        self._functions: dict[_Mode, int | None] = {}
+        """None: it is not compiled yet, or cannot be."""
+        self._alive: list[ctypes.CDLL] = []
         self.worth = WORTH
         """What carrying it out has cost, as a part of what a compiler takes, when one begins."""
 
@@ -68,68 +71,50 @@ class LastingModes:
         """Let programs (their address; they belong to the caller for now) use what is compiled, and have compiled what is worth it."""
         if self._command is None:
             return
-        found, library, at = _Lasting(), self._runtime.library, -1
+        found, library, at, worth = _Lasting(), self._runtime.library, -1, dict[int, _Mode]()
         least = self.worth * compilation_cost(0) / _STATEMENT
         while (at := library.lasting_program(programs, at + 1, least, ctypes.byref(found))) >= 0:
             if found.spent * _STATEMENT >= self.worth * compilation_cost(found.length):
-                function = self._job(ctypes.string_at(found.program, 4 * WIDTH * (found.length + 1))).function
-                if function is not None:
-                    library.take_compiled(programs, at, function)
+                worth[at] = _Mode(ctypes.string_at(found.program, 4 * WIDTH * (found.length + 1)), self._runtime.lanes)
+        if not worth:
+            return
+        self._compile(self._command, [mode for mode in worth.values() if mode not in self._functions])
+        for at, mode in worth.items():
+            function = self._functions.get(mode)
+            if function is not None:
+                library.take_compiled(programs, at, function)
 
     @property
     def busy(self) -> bool:
         """Whether a compiler works in the background."""
-        return self._work.begun is not None
+        return any(compilation.busy for compilation, _ in self._compilations)
 
     def between(self, first: float, last: float) -> float:
         """Seconds of a stretch of time (`time.perf_counter`) in which a compiler has worked in the background."""
+        return sum(compilation.between(first, last) for compilation, _ in self._compilations)
+
+    def _compile(self, command: tuple[str, ...], modes: list[_Mode]) -> None:
+        """Take what has been compiled; these are next, as soon as no compiler works any more."""
         with self._lock:
-            begun = self._work.begun
-            times = self._work.times if begun is None else [*self._work.times, (begun, last)]
-            return sum(max(0.0, min(last, end) - max(first, begin)) for begin, end in times)
+            for compilation, own in self._compilations:
+                if compilation.succeeded and not compilation.spoilt and self._functions[own[0]] is None:
+                    self._take(compilation, own)
+            wanted = tuple(dict.fromkeys(modes))
+            if not wanted or self.busy:
+                return
+            compilation = Compilation(wanted, command, self._runtime.options)
+            self._compilations.append((compilation, wanted))
+            self._functions |= dict.fromkeys(wanted)
+            compilation.begin()
 
-    def _job(self, text: bytes) -> _Job:
-        """What comes of a program; it waits for the compiler, if it is new."""
-        with self._lock:
-            known = self._work.jobs.get(text)
-            if known is not None:
-                return known
-            job = self._work.jobs[text] = _Job(np.frombuffer(text, np.int32).reshape(-1, WIDTH))
-            self._work.waiting.append(job)
-            idle = self._work.begun is None
-            if idle:
-                self._work.begun = time.perf_counter()
-        if idle:
-            logger.info("acausal compiles kernels of a mode in the background; the run goes on meanwhile.")
-            in_background(self._compile, "compiler of modes")
-        return job
-
-    def _compile(self) -> None:
-        """All that waits, one after the other."""
-        while True:
-            with self._lock:
-                if not self._work.waiting:
-                    assert self._work.begun is not None
-                    self._work.times.append((self._work.begun, time.perf_counter()))
-                    self._work.begun = None
-                    return
-                job = self._work.waiting.pop(0)
-            try:
-                job.library, job.function = self._compiled(job.program)
-            except ExportError as error:  # the interpreter goes on
-                logger.info("acausal: %s", error)
-
-    def _compiled(self, program: np.ndarray) -> tuple[ctypes.CDLL, int | None]:
-        assert self._command is not None
-        lanes = self._runtime.lanes
-        key = hashlib.sha256(b"\0".join((made_with().encode(), str(lanes).encode(), program.tobytes()))).hexdigest()
-        source = Source(_NAME, tuple(emit_program(program, _NAME, lanes)), 0, 0, 0, 0)
-        path = cached_library(key, translation_units([source], 1), command=self._command, options=self._runtime.options)
-        assert path is not None
-        with usable(path) as library:
-            made_for = ctypes.c_long.in_dll(library, "kernel_lanes").value
-            if made_for != lanes:
-                raise ExportError(
-                    f"A mode was compiled for {made_for} lanes and the runtime for {lanes}; was the compiler changed?"
-                )
-            return library, ctypes.cast(getattr(library, _NAME), ctypes.c_void_p).value
+    def _take(self, compilation: Compilation, modes: tuple[_Mode, ...]) -> None:
+        try:
+            with compilation.opened() as library:
+                check_lanes(library, self._runtime.lanes)
+                found = {mode: ctypes.cast(getattr(library, mode.name), ctypes.c_void_p).value for mode in modes}
+        except ExportError as error:  # the interpreter goes on
+            logger.info("acausal: %s", error)
+            compilation.spoilt = True
+            return
+        self._alive.append(library)
+        self._functions |= found

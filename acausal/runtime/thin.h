@@ -31,8 +31,7 @@ struct Programs {
 struct Thin {
     struct Programs *of; /* those that `now` is one of */
     struct ThinMode *now;
-    double *side; /* masks of `now` */
-    V *shown;     /* the same in all lanes */
+    V *masks; /* of `now`, the same in all lanes */
     signed char *key;
 };
 
@@ -409,7 +408,7 @@ static int make_thin(Integrator *I) {
     struct State *T = I->state;
     if (I->block || I->counted) return 1;
     struct Thin *H = reserve(I, sizeof(struct Thin));
-    if (!H || !(H->key = reserve(I, (size_t)I->masks + 1)) || !(H->side = reserve_doubles(I, I->masks)) || !(H->shown = reserve_lanes(I, I->masks))) return 0;
+    if (!H || !(H->key = reserve(I, (size_t)I->masks + 1)) || !(H->masks = reserve_lanes(I, I->masks))) return 0;
     T->thin = H;
     return 1;
 }
@@ -437,8 +436,8 @@ static int has_frame(Integrator *I, enum Masked which) {
     long length = 0, fixed = which == OF_PROJECTION ? 1 + I->nx + I->masks : 1 + I->nx + I->nu;
     if (!whole) return 0;
     while (whole->program[WIDTH * length] != OP_END) length++;
-    if (length < THIN_LEAST || !(P->room[which] = malloc(sizeof(V) * (size_t)(thin_frame(whole) + whole->inputs + 2)))) return 0;
-    V *frame = (V *)(((size_t)P->room[which] + sizeof(V) - 1) / sizeof(V) * sizeof(V)), *in = frame + thin_frame(whole);
+    if (length < THIN_LEAST || !(P->room[which] = malloc(sizeof(V) * (size_t)(thin_frame(whole) + whole->inputs + 1) + 64))) return 0;
+    V *frame = (V *)(void *)aligned(P->room[which]), *in = frame + thin_frame(whole);
     memset(frame, 0, sizeof(V) * (size_t)(thin_frame(whole) + whole->inputs + 1));
     for (long i = 0; i < I->np; i++) in[fixed + i] = v_all(I->parameters[i]);
     interpret(whole->preparation, in, frame, frame);
@@ -462,8 +461,8 @@ static struct Programs *programs_of(Integrator *I) {
 static void look_up_mode(const Integrator *I, const V *masks) {
     struct Thin *H = I->state->thin;
     for (long k = 0; k < I->masks; k++) {
-        double side = H->side[k] = masks[k][0];
-        H->shown[k] = masks[k];
+        double side = masks[k][0];
+        H->masks[k] = masks[k];
         H->key[k] = side == 0 ? 0 : side == 1 ? 1 : side == -1 ? -1 : 2;
     }
     struct Programs *P = I->programs;
@@ -487,12 +486,9 @@ static void look_up_mode(const Integrator *I, const V *masks) {
 
 /* Whether masks are those of `now`: asked before each kernel. */
 static int are_those_of_now(const struct Thin *H, const V *masks, long count) {
-    Mask other = masks[0] != H->shown[0], more = other;
-    for (long k = 1; k + 1 < count; k += 2) {
-        other |= masks[k] != H->shown[k];
-        more |= masks[k + 1] != H->shown[k + 1];
-    }
-    return H->now && !i_any(other | more | (masks[count - 1] != H->shown[count - 1]));
+    Mask other = {0};
+    for (long k = 0; k < count; k++) other |= masks[k] != H->masks[k];
+    return H->now && !i_any(other);
 }
 
 /* The mode of the masks at `in`, the same in all lanes, if its program is to be carried out; null: the kernel itself is to be taken. */
@@ -524,7 +520,10 @@ static struct ThinMode *thin_mode(Integrator *I, enum Masked which, const V *in)
 /* Whether nothing is corrected in this mode. */
 static int is_still(const Integrator *I) {
     const struct Thin *H = I->state->thin;
-    return H && H->now && H->of == I->programs && H->now->still && memcmp(H->side, I->state->side, sizeof(double) * (size_t)I->masks) == 0;
+    if (!H || !H->now || H->of != I->programs || !H->now->still) return 0;
+    for (long k = 0; k < I->masks; k++)
+        if (H->masks[k][0] != I->state->side[k]) return 0;
+    return 1;
 }
 
 /* Results at `in` of a kernel that has masks, if there are any. */
