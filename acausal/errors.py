@@ -36,6 +36,9 @@ class AcausalError(Exception):
 class ModelError(AcausalError):
     """The scene is wrong: it cannot be a physical mechanism as composed."""
 
+    reactions: tuple[Any, ...] = ()
+    """Those (`ac.Reaction`) that other things decide: with another one in the place of one of these the scene may be right, see `ac.OneWay`."""
+
 
 class IncompatibleError(ModelError):
     """Connectors of different kinds were joined, or one does not belong to the scene."""

@@ -17,7 +17,7 @@ from acausal.dynamics.system import mechanical_system
 from acausal.errors import LockedError, ModelError, OptionError
 from acausal.language.component import System
 from acausal.language.expression import Derivative, Expression, Variable, time
-from acausal.language.flatten import flatten
+from acausal.language.flatten import FlatSystem, flatten
 from acausal.numerics.one_thread import on_one_thread
 from acausal.outputs.functions import Functions
 from acausal.parts.part_check import check_parts
@@ -230,6 +230,19 @@ def _what_holds(system: ReducedSystem) -> str:
     )
 
 
+def _reduced(flat: FlatSystem) -> ReducedSystem:
+    """With laws turned round where something else decides their flow, see `OneWay`."""
+    try:
+        return reduce_system(mechanical_system(build_mechanism(flat), time.sx))
+    except ModelError as error:
+        for turned in filter(None, map(flat.with_turned, error.reactions)):
+            try:
+                return _reduced(turned)
+            except ModelError:
+                continue
+        raise
+
+
 @on_one_thread
 def build(scene: System) -> Model:
     """From a scene to its model: flatten, topology, mechanics, reduce. Errors from the tree in `acausal.errors`."""
@@ -249,7 +262,7 @@ def build(scene: System) -> Model:
         )
     flat = with_field_forces(flat)
     check_parts(flat)
-    model = Model(reduce_system(mechanical_system(build_mechanism(flat), time.sx)))
+    model = Model(_reduced(flat))
     if model.system.x.numel() == 0 and not model.system.moves_as_given:
         hint = _what_holds(model.system) if model.system.solved else "Add a joint or a free body."
         raise LockedError(f"Nothing in the scene '{flat.name}' can move: {', '.join(p.path for p in flat.parts[:8])}. {hint}")

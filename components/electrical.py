@@ -20,7 +20,7 @@ from acausal.language.expression import Expression, Scalar, Variable, scalar
 from components.rotational import not_zero
 
 _LOOSE = "A current needs a way in and a way out: connect both pins."
-_FLOATING = "A circuit without a Ground has no zero of potential, and parallel ideal sources share no definite current."
+FLOATING = "A circuit without a Ground has no zero of potential, and parallel ideal sources share no definite current."
 
 
 @final
@@ -41,8 +41,8 @@ class AbstractTwoPin(Component, ABC):
 
     pin_a = Electrical.port(must_connect=True, if_unconnected=_LOOSE)
     pin_b = Electrical.port(must_connect=True, if_unconnected=_LOOSE)
-    v = Variable("V", "voltage from pin_b up to pin_a", if_undetermined=_FLOATING)
-    i = Variable("A", "current from pin_a to pin_b", if_undetermined=_FLOATING)
+    v = Variable("V", "voltage from pin_b up to pin_a", if_undetermined=FLOATING)
+    i = Variable("A", "current from pin_a to pin_b", if_undetermined=FLOATING)
 
     @abstractmethod
     def law(self) -> Equation:
@@ -197,8 +197,8 @@ class ElectromotiveForce(Component):
     flange = Rotational.port(
         must_connect=True, if_unconnected="It drives nothing: connect it to an Inertia, a Gear or a joint's flange."
     )
-    v = Variable("V", "voltage from pin_b up to pin_a", if_undetermined=_FLOATING)
-    i = Variable("A", "current from pin_a to pin_b", if_undetermined=_FLOATING)
+    v = Variable("V", "voltage from pin_b up to pin_a", if_undetermined=FLOATING)
+    i = Variable("A", "current from pin_a to pin_b", if_undetermined=FLOATING)
 
     def __init__(self, constant: Scalar) -> None:
         what = "ElectromotiveForce's constant"

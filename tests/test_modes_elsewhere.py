@@ -18,6 +18,7 @@ from components import (
     Coulomb,
     Ground,
     IdealDiode,
+    Inductor,
     Inertia,
     PointOnPlane,
     Prismatic,
@@ -52,6 +53,18 @@ def rectifier() -> tuple[Any, dict[Any, Any]]:
     return scene, {}
 
 
+def chopper() -> tuple[Any, dict[Any, Any]]:
+    """A coil whose current goes over from one diode to the other: its modes have different indices."""
+    scene = ac.System()
+    scene.ground, scene.mains, scene.diode, scene.free = Ground(), VoltageSource(np.sin(60 * ac.time)), IdealDiode(), IdealDiode()
+    scene.coil, scene.load = Inductor(0.02), Resistor(2.0)
+    scene.connect(scene.ground.pin, scene.mains.pin_b, scene.free.pin_a, scene.load.pin_b)
+    scene.connect(scene.mains.pin_a, scene.diode.pin_a)
+    scene.connect(scene.diode.pin_b, scene.free.pin_b, scene.coil.pin_a)
+    scene.connect(scene.coil.pin_b, scene.load.pin_a)
+    return scene, {scene.coil.i: 0.0}
+
+
 def told(run: Any) -> tuple[bytes, str]:
     assert len(run.transitions) > 3
     return run.x.tobytes(), str(run.transitions).replace(os.path.dirname(__file__), "")
@@ -62,7 +75,7 @@ def simulated(packed: bytes) -> tuple[bytes, str]:
     return told((model or ac.build(scene)).simulate(0.4, start, samples=20))
 
 
-@pytest.mark.parametrize("make", [box, rectifier])
+@pytest.mark.parametrize("make", [box, rectifier, chopper])
 def test_modes_are_the_same_in_other_processes(make: Any) -> None:
     scene, start = make()
     model = ac.build(scene)
@@ -79,7 +92,7 @@ def test_modes_are_the_same_in_other_processes(make: Any) -> None:
 
 
 def test_modes_are_the_same_in_threads_beside_others() -> None:
-    made = [box(), box(0.2), rectifier()]
+    made = [box(), chopper(), rectifier()]
     models = [ac.build(scene) for scene, _ in made]
     alone = [told(model.simulate(0.4, start, samples=20)) for model, (_, start) in zip(models, made, strict=True)]
     found: dict[int, Any] = {}

@@ -81,11 +81,6 @@ def test_diode_right_at_a_store_follows_the_source_without_resistance() -> None:
     assert run[scene.store.v][-1] == pytest.approx(10 * math.sin(w * blocks) * math.exp(-(0.03 - blocks) / (Q * C)), rel=1e-11)
 
 
-def test_diode_behind_an_inductor_needs_a_leakage_and_says_so() -> None:
-    with pytest.raises(ac.errors.ModelError, match=r"diode\.current of diode .* leakage"):
-        ac.build(rectifier(Inductor(0.01), 100.0, None))
-
-
 def test_diode_behind_an_inductor_with_leakage_carries_its_current_on() -> None:
     """It conducts from 0 until the current of L i' + R i = 10 sin has returned to zero, up to the share of the leakage."""
     L, R, w, leak = 0.5, 20.0, 100.0, 1e-9

@@ -55,8 +55,8 @@ def mode_words(system: ReducedSystem, u: np.ndarray) -> str:
     masks, told = u[u.size - len(modes.masks) :], list[str]()
     for mask, value in zip(modes.masks, masks, strict=True):
         name, _, kind = mask.name.rpartition(".")
-        if kind == "closed":
-            told.append(f"{name} {'closed' if value else 'open'}")
+        if kind in ("closed", "open"):
+            told.append(f"{name} {'closed' if (kind == 'closed') == bool(value) else 'open'}")
         elif kind in ("sticks", "slides") and value:
             told.append(f"{name} {kind}{'' if kind == 'sticks' else ' +' if value > 0 else ' -'}")
     return ", ".join(told)

@@ -58,6 +58,11 @@ class ModeRow:
         return open_gate if self.gate is None else ca.if_else(self.gate > 0, open_gate, shut)
 
     @property
+    def turned(self) -> bool:
+        """Whether it holds where its part is open, see `OneWay`."""
+        return self.one_way and self.part.turned
+
+    @property
     def one_sided(self) -> bool:
         """Whether it may open."""
         return self.restitution is not None

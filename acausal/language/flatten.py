@@ -6,7 +6,7 @@ import functools
 import re
 from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import Any, cast
 
@@ -29,7 +29,7 @@ from acausal.language.expression import (
     Variable,
     leaves,
 )
-from acausal.language.mode_laws import ModeLaw
+from acausal.language.mode_laws import ModeLaw, OneWay
 from acausal.language.ports import Ports, ports_of
 from acausal.wording import compact, grouped, nearest, shortened
 
@@ -42,6 +42,8 @@ class Part:
 
     path: str
     component: Component
+    turned: bool = False
+    """Whether its laws are those of their other reactions, see `OneWay`."""
 
     @property
     def where(self) -> str:
@@ -51,11 +53,12 @@ class Part:
     @functools.cached_property
     def laws(self) -> tuple[ModeLaw, ...]:
         """Of its reactions, and what it sets when."""
-        return tuple(self.component.laws())
+        found = self.component.laws()
+        return tuple((law.turned() or law) if self.turned and isinstance(law, OneWay) else law for law in found)
 
     def __reduce__(self) -> tuple[Any, ...]:
         """Laws are asked for again."""
-        return Part, (self.path, self.component)
+        return Part, (self.path, self.component, self.turned)
 
 
 @dataclass(frozen=True, repr=False)
@@ -77,6 +80,8 @@ class FlatSystem:
     """What parts ask of parameters."""
     systems: tuple[System, ...] = ()
     """Of which the parts are parts, the scene first."""
+    idle: dict[Reaction, str] = field(default_factory=dict[Reaction, str])
+    """Reactions of laws that would hold if they were turned round, see `OneWay`, and their names."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return FlatSystem, (
@@ -89,6 +94,7 @@ class FlatSystem:
             self.solved,
             self.asked,
             self.systems,
+            self.idle,
         )
 
     @functools.cached_property
@@ -116,6 +122,21 @@ class FlatSystem:
     def reactions(self) -> tuple[Reaction, ...]:
         """Of parts that hold as long as they can, in the order in which they are met."""
         return tuple(symbol for symbol in self.names if isinstance(symbol, Reaction))
+
+    def with_turned(self, reaction: Reaction) -> FlatSystem | None:
+        """With the laws of the part of this reaction turned round, see `OneWay`; None where they cannot be."""
+        part = next(part for part in self.parts if any(isinstance(law, OneWay) and law.reaction is reaction for law in part.laws))
+        if part.turned or not all(isinstance(law, OneWay) and law.turned() for law in part.laws):
+            return None
+        other = Part(part.path, part.component, turned=True)
+        others: dict[Symbol, Reaction] = {
+            law.reaction: law.other for law in part.laws if isinstance(law, OneWay) and law.other is not None
+        }
+        names = {others.get(s, s): self.idle[others[s]] if s in others else name for s, name in self.names.items()}
+        idle = {s: name for s, name in self.idle.items() if s not in others.values()}
+        idle |= {law.reaction: self.names[law.reaction] for law in part.laws if isinstance(law, OneWay)}
+        parts = tuple(other if one is part else one for one in self.parts)
+        return replace(self, parts=parts, names=names, idle=idle)
 
     def named(self, name: str) -> Expression:
         """The variable, parameter, input or quantity of a connector that a name stands for, or an entry of it: `arm.elbow.q`, `ball.q[2]`,
@@ -238,6 +259,8 @@ def flatten(scene: System) -> FlatSystem:
     for prefix, system in systems:
         _check_attributes(system, prefix, owners)
     _name_hidden_symbols(parts, names)
+    others = [law.other for part in parts for law in part.laws if isinstance(law, OneWay) and law.other is not None]
+    idle = {other: names.pop(other) for other in others if other in names}
     for connection in connections:
         _check_member(connection, connector_paths)
     sets = _connection_sets(connections, connector_paths)
@@ -252,6 +275,7 @@ def flatten(scene: System) -> FlatSystem:
         discretes,
         asked=tuple(asked),
         systems=tuple(s for _, s in systems),
+        idle=idle,
     )
 
 

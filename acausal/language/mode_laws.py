@@ -7,6 +7,7 @@ from enum import Enum
 from typing import final
 
 from acausal.errors import ModelError, ParameterError
+from acausal.language.equation import Equation, equal
 from acausal.language.expression import Expression, Reaction, Scalar, scalar
 from acausal.language.impact_laws import AbstractImpactLaw, Restitution, impact_law
 from acausal.language.origin import origin
@@ -109,16 +110,35 @@ class OneWay:
     `speed`: an expression of velocities, whose product with the reaction is power (m/s with N, rad/s with N*m), which the reaction makes larger: of freewheels,
     whose engaging at speed zero is no impact. Or a voltage that falls where the reaction, a current, flows: of ideal diodes; also one that depends
     on the current itself. Where there is a `gate`, what is open stays open unless that is positive (thyristors, pawls); what holds needs none to go on.
+
+    The same law is that of an `other` reaction, which is what the speed is, while `flow`, a variable of the part which is what the reaction is, is the speed. It is
+    turned round so where something else decides the flow, as an inductor does that of a diode in series; only without a gate. The equation of `flow` is that of
+    the law: its part has none.
     """
 
     reaction: Reaction
     speed: Expression
     gate: Expression | None = None
+    flow: Expression | None = None
+    other: Reaction | None = None
 
     def __post_init__(self) -> None:
         _check(self.reaction, self.speed, "OneWay", "speed")
         if self.gate is not None:
             _check(self.reaction, self.gate, "OneWay", "gate")
+        if self.flow is not None and self.other is not None:
+            _check(self.other, self.flow, "OneWay", "flow")
+
+    @property
+    def equations(self) -> tuple[Equation, ...]:
+        """What its reaction is."""
+        return () if self.flow is None else (equal(self.flow, self.reaction),)
+
+    def turned(self) -> OneWay | None:
+        """The law of the other reaction; None where there is none."""
+        if self.flow is None or self.other is None or self.gate is not None:
+            return None
+        return OneWay(self.other, self.flow, None, self.speed, self.reaction)
 
 
 @final

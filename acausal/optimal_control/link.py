@@ -72,10 +72,10 @@ def impact_of(stage: Stage, struck: PhaseMode) -> Impact:
             if word == "bounces":
                 rows.append((then(rate) + space.put(row.restitution * rate), name))
             else:
-                rows.append((then(rate) if word == "closed" else own, name))
-            if word != "open":
+                rows.append((then(rate) if law.holds(word) else own, name))
+            if word == "bounces" or law.holds(word):
                 bounds.append((own, name))
-            elif was == "closed":
+            elif law.holds(was):
                 bounds.append((then(rate), f"{law.name} opens in the impact"))
             continue
         assert row.sliding is not None and row.holding is not None

@@ -73,7 +73,7 @@ class PhaseMode:
 
     def holds(self, law: Law) -> bool:
         """Whether it is closed, or sticks."""
-        return self.word(law) in ("closed", "sticks")
+        return law.holds(self.word(law))
 
     def rate(self, law: Law) -> ca.SX:
         """Of a gap, or the slip (n, 1)."""
@@ -96,7 +96,7 @@ class PhaseMode:
         """What must not be negative (k, 1) for this mode to go on, and what that is called."""
         row, own, word, rate = law.row, self.of(law), self.word(law), self.rate(law)
         if row.one_sided:
-            if word == "closed":
+            if law.holds(word):
                 return [(own, f"{law.name} pushes")]
             apart = row.moved if row.one_way else row.gap
             return [] if row.gate is not None else [(apart, f"{law.name} stays apart")]
@@ -115,7 +115,7 @@ class PhaseMode:
         found: list[float] = []
         for law, word in zip(self.laws, self.words, strict=True):
             if law.row.one_sided:
-                found.append(float(word == "closed"))
+                found.append(float(law.holds(word)))
             elif law.row.size == 1:
                 found += [float(word == "sticks"), {"slides +": 1.0, "slides -": -1.0}.get(word, 0.0)]
             else:
@@ -141,6 +141,7 @@ def phase_mode(functions: Functions, said: Mapping[Any, str]) -> PhaseMode:
         if said:
             raise OptionError("OptimalControl: modes are given, but no part of the scene opens, sticks or slides.")
         return PhaseMode(functions, functions, (), ())
+    refuse_modes(system.modes.rows if system.modes.index is not None else (), "OptimalControl")
     free = Functions(Outputs(system.unmasked), replace(functions.space, system=system.unmasked))
     laws = laws_of(functions.outputs)
     found = PhaseMode(functions, free, laws, tuple("open" if law.row.one_sided else "off" for law in laws))

@@ -18,6 +18,8 @@ _NO_GAP = 8
 
 _NO_TERMS = -1
 """Of what has no gap; those of a gap may be zero where it is."""
+_LEAST = 1e-300
+"""Of what is not zero."""
 
 
 def mode_functions(
@@ -53,12 +55,14 @@ def mode_functions(
         )  # fmt: skip
     size = [row.size for row in m.frictions]
     terms = ca.vertcat(ca.SX(0, 1), *(_NO_TERMS if row.one_way else row.terms for row in m.rows if row.one_sided))
+    if m.index is not None:
+        terms = -ca.fmax(m.index.terms, _LEAST)  # of no gaps
     return ModeFunctions(
         m.one_sided, size.count(1), size.count(2), size.count(3), len(m.magnitudes.sizes), m.redundant,
         Staged.of("mode_guards", [t, x, u, p], [ca.densify(space.put(m.guards))], systems),
-        function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m), _pressures(m))),
+        function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m), _pressures(m), _index(m))),
         function("terms", terms),
-        invariants_of("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes,
+        invariants_of("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes, changes_index=m.index is not None,
     )  # fmt: skip
 
 
@@ -99,6 +103,11 @@ def _magnitudes(m: Modes) -> ca.SX:
     return ca.vertcat(*(ca.densify(part) for part in parts))
 
 
+def _index(m: Modes) -> ca.SX:
+    """What holds by reactions, and its rates; see runtime/index.h."""
+    return ca.SX(0, 1) if m.index is None else ca.vertcat(ca.vec(m.index.values.T), ca.vec(m.index.rates.T))
+
+
 def _pressures(m: Modes) -> ca.SX:
-    """What patches press with, by number: the end of that column."""
+    """What patches press with, by number."""
     return ca.vertcat(ca.SX(0, 1), *(row.pressure.value for row in m.frictions if row.pressure is not None))

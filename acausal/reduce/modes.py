@@ -57,6 +57,8 @@ class Modes:
     damping: Mode | None
     magnitudes: Magnitudes
     dead: ca.SX
+    index: Any = None
+    """Of what changes its index, see changing_index.py."""
 
     @property
     def symbols(self) -> ca.SX:
@@ -163,10 +165,12 @@ class _Masks:
         return (*(mask for mask in given if mask is not None), *self.along, *(() if self.faster is None else (self.faster,)))
 
 
-def _masks(row: ModeRow, names: Mapping[Any, str]) -> _Masks:
+def masks_of(row: ModeRow, names: Mapping[Any, str]) -> _Masks:
+    """Those of one law."""
     name = names[row.reactions[0]].removesuffix("[0]")
     if row.one_sided:
-        return _Masks(Mode(f"{name}.closed", "1 where it is closed, else 0"))
+        word = "open" if row.turned else "closed"
+        return _Masks(Mode(f"{name}.{word}", f"1 where it is {word}, else 0"))
     sticks = Mode(f"{name}.sticks", "1 where it sticks, else 0")
     if row.size == 1:
         return _Masks(sticks, along=(Mode(f"{name}.slides", "sign of the slip where it slides, else 0"),))
@@ -275,7 +279,7 @@ def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) 
     free = ca.densify(ca.substitute(acceleration, reactions, ca.SX.zeros(len(owner))))
     least = _DEPEND if all(moves.at_once) else _NEARLY
     redundant = any(_may_depend(found, least) for found in motion.at_places(W))
-    masks = [_masks(row, names) for row in rows]
+    masks = [masks_of(row, names) for row in rows]
     shared = _Shared.among(len(owner)) if redundant else None
     magnitudes = _magnitudes(rows, names, reactions)
     system = _Masked(rows, masks, reactions, W, None if shared is None else shared.damping.sx, moves.at_once, magnitudes)

@@ -25,6 +25,7 @@ from acausal.language.flatten import FlatSystem, Part
 from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
 from acausal.parts.pose import symbolic
+from acausal.reduce.changing_index import changes_index, modes_of_changing_index
 from acausal.reduce.geared_rotors import geared_rotors
 from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.implicit import with_reactions
@@ -278,11 +279,15 @@ def reduce_system(
         mechanics, scalar, read = with_reactions(mechanics, constraints, *closed, scalar, left)
         steps.append(read)
     names = {**flat.names, **scalar.names}
-    for rate in _input_rates(
+    rates = _input_rates(
         flat, [v_dot, tree.rates, scalar.tau, scalar.rates, *scalar.solved.values(), *(h.residual for h in scalar.held)]
-    ):
-        if isinstance(rate.of, Reaction):
-            raise ModelError(_rate_acts(mechanics, rate.of))
+    )
+    act = [rate.of for rate in rates if isinstance(rate.of, Reaction)]
+    if act:
+        error = ModelError(_rate_acts(mechanics, act[0]))
+        error.reactions = tuple(act)
+        raise error
+    for rate in rates:
         names[rate] = f"der({names[rate.of]})"
     flat = dataclasses.replace(flat, names=names)
     u = stacked([entry.sx for entry in flat.inputs])
@@ -340,7 +345,10 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
     rows = system.mechanics.modes
     if not system.x.numel():
         system = _with_passages(system, rows)
-    modes, dead = modes_of(rows, system.flat.names, _motion(system))
+    motion, names = _motion(system), system.flat.names
+    modes, dead = (
+        (modes_of_changing_index(rows, names, motion), ca.SX(0, 1)) if changes_index(rows) else modes_of(rows, names, motion)
+    )
     r, found, masks = dead, ca.SX.zeros(dead.numel()), tuple[Mode, ...](system.flat.modes)
     if modes is not None:
         modes = dataclasses.replace(modes, masks=(*modes.masks, *masks))
@@ -417,7 +425,7 @@ def _followed(tree: Tree) -> list[Held]:
 def _rate_acts(mechanics: MechanicalSystem, reaction: Reaction) -> str:
     row = next(row for row in (*mechanics.modes, *mechanics.locks) if reaction in row.reactions)
     return (
-        f"{mechanics.flat.names[reaction]} of {row.part.where} is decided by other states too, so that its rate would act: a clutch or a stop on a spring alone, a diode in "
+        f"{mechanics.flat.names[reaction]} of {row.part.where} is decided by other states too, so that its rate would act: a clutch or a stop on a spring alone, a thyristor in "
         "series with an inductor. Put a mass or an inertia where a force acts, a resistance or a leakage where a current flows."
     )
 

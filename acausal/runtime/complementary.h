@@ -27,6 +27,7 @@ typedef struct {
     const double *gap, *rate, *free, *W, *J, *hold, *hold_by, *slide, *slide_by, *kind, *back, *bounce, *terms;
     const double *force, *force_by, *hold_size, *slide_size, *pressure;
     const double *gap_noise, *rate_noise;
+    const double *values, *rates, *own; /* (n, n), (n, n), (n): see index.h; own: null where it is the diagonal of W */
 } Decision;
 
 enum Law {
@@ -54,6 +55,9 @@ typedef struct {
 
 /* What a row is measured in: the square root of its compliance; one for what nothing moves here. */
 static double unit_of(double compliance) { return compliance > 0 ? sqrt(compliance) : 1; }
+
+/* What a row's own reaction does to it, or something of that unit where it does nothing. */
+static double own_of(const Decision *D, long i) { return D->own ? D->own[i] : D->W[i * D->n + i]; }
 
 static long row_of(const Decision *D, long friction) {
     long patch = friction - D->lines - D->planes;
@@ -164,8 +168,8 @@ static double sweep(const Problem *p) {
     for (long i = 0; i < D->gaps; i++) {
         if (p->law[i] != MAY_HOLD) continue;
         double old = p->push[i];
-        p->push[i] = fmax(floor_of(p, i), old - rate_of(p, i) / (d * W[i * n + i]));
-        changed = fmax(changed, fabs(p->push[i] - old) * unit_of(W[i * n + i]));
+        p->push[i] = fmax(floor_of(p, i), old - rate_of(p, i) / (d * own_of(D, i)));
+        changed = fmax(changed, fabs(p->push[i] - old) * unit_of(own_of(D, i)));
     }
     for (long f = 0; f < D->frictions; f++) {
         long i = row_of(D, f), size = rows_of(D, f), law = p->law[D->gaps + f];
@@ -175,7 +179,7 @@ static double sweep(const Problem *p) {
         if (law == AGAINST) {
             for (long k = 0; k < size; k++) r[k] = -limit * p->along[3 * f + k];
         } else if (size == 1) {
-            r[0] = fmin(fmax(r[0] - rate_of(p, i) / (d * W[i * n + i]), -limit), limit);
+            r[0] = fmin(fmax(r[0] - rate_of(p, i) / (d * own_of(D, i)), -limit), limit);
         } else if (size == 3) {
             for (int again = 0; again < 8; again++) {
                 double w = d * (W[i * n + i] + W[(i + 1) * (n + 1)] + W[(i + 2) * (n + 1)]), y[3], Q[9];
@@ -197,7 +201,7 @@ static double sweep(const Problem *p) {
                 r[0] = x, r[1] = y;
             }
         }
-        for (long k = 0; k < size; k++) changed = fmax(changed, fabs(r[k] - old[k]) * unit_of(W[(i + k) * n + i + k]));
+        for (long k = 0; k < size; k++) changed = fmax(changed, fabs(r[k] - old[k]) * unit_of(own_of(D, i + k)));
     }
     return changed;
 }
@@ -253,7 +257,7 @@ static double look_at_laws(const Problem *p, const long *asked, double *A, doubl
     for (long f = -D->gaps; f < D->frictions; f++) {
         long first = f < 0 ? f + D->gaps : row_of(D, f), size = f < 0 ? 1 : rows_of(D, f), law = asked[D->gaps + f];
         double w = 0, limit = f < 0 ? 0 : limit_of(p, f), e[3] = {0, 0, 0}, y[3] = {0, 0, 0}, Q[9], far = 0;
-        for (long k = first; k < first + size; k++) w += W[k * n + k];
+        for (long k = first; k < first + size; k++) w += own_of(D, k);
         w *= 1 + p->damping;
         for (long k = 0; k < size && w > 0; k++) y[k] = p->push[first + k] - p->rate[first + k] / w;
         if (law == MAY_HOLD || law == MAY_SLIDE) {
@@ -310,7 +314,7 @@ static double look_at_laws(const Problem *p, const long *asked, double *A, doubl
 static int newton_of_laws(const Problem *p, const long *asked) {
     long n = p->D->n;
     double *A = p->work, *b = A + n * n, *unit = b + n, *last = unit + n, open;
-    for (long i = 0; i < n; i++) unit[i] = 1 / unit_of(p->D->W[i * n + i]);
+    for (long i = 0; i < n; i++) unit[i] = 1 / unit_of(own_of(p->D, i));
     double left = look_at_laws(p, asked, A, b, unit, &open), least = left;
     for (long again = 0, since = 0; again < NEWTON && open > 0; again++) {
         if (!isfinite(left)) return 0;
@@ -345,13 +349,13 @@ static int answers(const Problem *p) {
     long n = D->n;
     double force = 0, rate = 0;
     for (long i = 0; i < n; i++) {
-        double unit = unit_of(D->W[i * n + i]);
+        double unit = unit_of(own_of(D, i));
         force = fmax(force, fabs(p->push[i]) * unit);
         rate = fmax(rate, fabs(p->start[i]) / unit);
     }
     double far = FITS * fmax(force, rate);
     for (long i = 0; i < D->gaps; i++) {
-        double unit = unit_of(D->W[i * n + i]);
+        double unit = unit_of(own_of(D, i));
         if (p->law[i] == HOLDS && (p->push[i] - floor_of(p, i)) * unit < -far) return 0;
         if (p->law[i] == OPENS && p->rate[i] / unit < -far) return 0;
         int exact = D->kind[i] == NO_IMPACT; /* else it grows without end where friction turns it round */
@@ -359,7 +363,7 @@ static int answers(const Problem *p) {
     }
     for (long f = 0; f < D->frictions; f++) {
         long i = row_of(D, f), law = p->law[D->gaps + f];
-        double unit = unit_of(D->W[i * n + i]);
+        double unit = unit_of(own_of(D, i));
         if (law == HOLDS) {
             if ((limit_needed(D, f, p->push + i) - limit_of(p, f)) * unit > far) return 0;
         } else if (law == STARTS && rows_of(D, f) == 1 && p->rate[i] * p->along[3 * f] / unit < -far) {
@@ -424,7 +428,7 @@ static int choose_lines(const Problem *p, long *place, double *table, long *basi
     const Decision *D = p->D;
     long n = D->n, gaps = D->gaps, in = 0, held = 0;
     double *unit = p->work;
-    for (long i = 0; i < n; i++) unit[i] = 1 / unit_of(D->W[i * n + i]), place[i] = -1;
+    for (long i = 0; i < n; i++) unit[i] = 1 / unit_of(own_of(D, i)), place[i] = -1;
     for (long i = 0; i < gaps; i++)
         if (p->law[i] == MAY_HOLD) place[i] = in++;
     for (long f = 0; f < D->lines; f++)
@@ -500,7 +504,7 @@ static int damped_answer(const Problem *p, const long *asked) {
         memcpy(p->law, asked, sizeof(long) * (size_t)laws);
         for (long k = 0; k < sweeps; k++) {
             double most = 0, changed = sweep(p);
-            for (long i = 0; i < n; i++) most = fmax(most, fabs(p->push[i]) * unit_of(p->D->W[i * n + i]));
+            for (long i = 0; i < n; i++) most = fmax(most, fabs(p->push[i]) * unit_of(own_of(p->D, i)));
             if (!(changed > EPS * most)) break;
         }
         memcpy(kept, p->push, sizeof(double) * (size_t)n);
@@ -539,7 +543,12 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
     long *asked = p->asked, n = D->n;
     memcpy(asked, p->law, sizeof(long) * (size_t)(D->gaps + D->frictions));
     memset(p->centre, 0, sizeof(double) * (size_t)n);
-    if (D->frictions != D->lines || D->magnitudes > 0 || !choose_lines(p, place, table, basis))
+    int chosen = D->frictions == D->lines && D->magnitudes == 0 && choose_lines(p, place, table, basis);
+    if (chosen && D->own) { /* which hold is all that is asked */
+        find_rates(p);
+        return answers(p);
+    }
+    if (!chosen)
         for (long i = 0; i < n; i++) p->push[i] = i < D->gaps && asked[i] == MAY_HOLD ? floor_of(p, i) : 0;
     double last = INFINITY;
     long opened = 0;
@@ -556,8 +565,8 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
         }
         double changed = 0, most = 0;
         for (long i = 0; i < n; i++) {
-            changed = fmax(changed, fabs(p->push[i] - p->centre[i]) * unit_of(D->W[i * n + i]));
-            most = fmax(most, fabs(p->push[i]) * unit_of(D->W[i * n + i]));
+            changed = fmax(changed, fabs(p->push[i] - p->centre[i]) * unit_of(own_of(D, i)));
+            most = fmax(most, fabs(p->push[i]) * unit_of(own_of(D, i)));
         }
         double *gone = p->work;
         for (long i = 0; i < n; i++) gone[i] = p->push[i] - p->centre[i];

@@ -535,6 +535,7 @@ static int spread_rounding(Integrator *I, double reach) {
 }
 
 static int rows_at(Integrator *I, double t, const double *x);
+static double rounding_of_row(const Integrator *I, long i);
 
 #define UNTIL 1e-3    /* of a step: what a row does then says when it comes to zero; and of that, where it does not fall */
 #define CLEARLY 16    /* roundings of a row, which a fall is that says so */
@@ -704,6 +705,7 @@ static int follows_others(Integrator *I, double h) {
 #define STRAINED 0.25 /* of the step that accuracy allows */
 #define SUSPECT 3     /* rejections that a step counts as, where rounding is known to disturb it */
 #define INSTANT 1e-9 /* of a step: no time passes */
+#define LANDED 2000 /* tries of one step to end at a switch */
 
 /* Where a step is to end so that a switch goes over there; see switches.h. */
 struct Landing {
@@ -749,7 +751,7 @@ static void shorten(Integrator *I, const Stages *S, double h, double error) {
 
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
-    int ends = 0, failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, refused = -1;
+    int ends = 0, failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, landings = 0, refused = -1;
     long doubts = T->doubts;
     struct Landing L = {.row = -1};
     if (I->max_step > 0) I->h = fmin(I->h, I->max_step);
@@ -860,6 +862,7 @@ static enum Code one_adaptive(Integrator *I) {
                 T->planned = fmin(T->planned, I->h);
             }
             if (part != 1) {
+                if (++landings > LANDED) return CHATTERS; /* a row that is zero all along */
                 refused--;
                 continue;
             }

@@ -352,6 +352,12 @@ static int decision_later(Integrator *I, double later, Decision *D) {
     struct State *T = I->state;
     double *x = T->later_x;
     if (later == 0) return decision_at(I, I->t, I->x, D);
+    if (I->changes_index) {
+        T->side[index_of(I)] = later;
+        int found = decision_at(I, I->t + later, I->x, D);
+        T->side[index_of(I)] = 0;
+        return found;
+    }
     if (!rate_at(I, I->t, I->x, T->rate)) return 0;
     for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + 0.5 * later * T->rate[i];
     if (!rate_at(I, I->t + 0.5 * later, x, T->rate)) return 0; /* what is at its threshold by its rate too passes it by the next */

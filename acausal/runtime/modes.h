@@ -125,6 +125,13 @@ static int make_modes(Integrator *I) {
     T->at_rest = reserve_doubles(I, I->one_sided);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)longs_of_room(I));
+    if (I->changes_index) {
+        T->row_unit = reserve_doubles(I, n);
+        T->row_terms = reserve_doubles(I, n);
+        T->index_work = reserve_doubles(I, 4 * n * n + n);
+        T->index_rows = reserve(I, sizeof(long) * (size_t)(2 * n));
+        if (!I->counted && !(T->row_unit && T->row_terms && T->index_work && T->index_rows)) return 0;
+    }
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
     return I->counted || (T->decided && T->decided_noise && T->alone && T->decided_rounds && T->decided_from && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->first_rate && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
 }
@@ -167,9 +174,14 @@ static Decision decision_of(const Integrator *I, const double *at, const double 
     D.hold_size = D.force_by + 3 * I->magnitudes * n;
     D.slide_size = D.hold_size + m * I->magnitudes;
     D.pressure = D.slide_size + m * I->magnitudes;
-    D.terms = D.pressure + I->patches;
+    D.values = D.pressure + I->patches;
+    D.rates = D.values + n * n;
+    if (I->changes_index) D.own = I->state->row_unit;
+    D.terms = D.values + (I->changes_index ? 2 * n * n : 0);
     return D;
 }
+
+#include "index.h"
 
 /* The arguments of the decision's kernel at (t, x), and others that differ by roundings, into T->decided_from. -1 when the input function failed; else whether they were there already. */
 static int arguments_at(Integrator *I, double t, const double *x) {
@@ -215,6 +227,7 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     }
     memcpy(T->decided_noise, T->decided_rounds, sizeof(double) * (size_t)first);
     *D = decision_of(I, T->decided, T->decided_noise);
+    if (I->changes_index) find_units(I, D);
     for (long i = 0; i < gaps; i++) {
         T->gap_terms[i] = fmax(D->terms[i], 0);
         T->decided_noise[i] = fmax(T->decided_noise[i], (T->begun ? 2 : TOUCHES) * EPS * T->gap_terms[i]); /* where things are put is rounded too */
@@ -445,15 +458,15 @@ static void set_masks(Integrator *I, const Decision *D, Room R) {
     double largest = 0;
     long n = D->n;
     for (long i = 0; i < n; i++) {
-        double w = unit_of(D->W[i * n + i]);
+        double w = unit_of(own_of(D, i));
         largest = fmax(largest, fmax(fabs(R.push[i]) * w, fabs(D->free[i]) / w));
     }
     for (long i = 0; i < D->gaps; i++) {
         int carried = I->redundant && T->side[carried_of(I) + 1 + i] != 0;
-        double least = D->kind[i] == NO_IMPACT && !I->redundant ? 0 : NIL * largest; /* valves that leak have units too far apart */
-        if (R.law[i] == HOLDS && !carried && !(R.push[i] * unit_of(D->W[i * n + i]) > least)) R.law[i] = OPENS;
+        double least = I->changes_index ? 2 * EPS * largest : D->kind[i] == NO_IMPACT && !I->redundant ? 0 : NIL * largest; /* valves that leak have units too far apart */
+        if (R.law[i] == HOLDS && !carried && !(R.push[i] * unit_of(own_of(D, i)) > least)) R.law[i] = OPENS;
         T->side[i] = R.law[i] == HOLDS;
-        double nothing = NIL * largest * unit_of(D->W[i * n + i]);
+        double nothing = NIL * largest * unit_of(own_of(D, i));
         T->at_rest[i] = is_speed(D, i) && R.law[i] == OPENS && fabs(R.rate[i]) <= nothing ? nothing : 0;
     }
     for (long f = 0; f < D->frictions; f++) {
@@ -546,6 +559,10 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
         if (asked[D.gaps + f] == AGAINST) memcpy(R.along + 3 * f, R.now + 3 * f, sizeof(double) * 3);
     if (!foresee_slips(I, &D, R, planned, later)) return INPUT_FAILED;
     set_masks(I, &D, R);
+    if (I->changes_index && !combine_rows(I, &D)) {
+        I->worst = 0;
+        return NO_MODE;
+    }
     set_directions_of_forces(I, &p);
     return REACHED_END;
 }
@@ -565,14 +582,14 @@ static int decide_now(Integrator *I, Room R, double later, long *now) {
     Decision D;
     double *noise = R.compressed, largest = 0; /* there are no impacts */
     for (long i = 0; i < I->one_sided; i++) now[i] = MAY_HOLD;
-    if (!holds_at_once(I)) return 1;
+    if (!holds_at_once(I) || I->changes_index) return 1;
     if (!decision_later(I, later, &D)) return 0;
     memcpy(noise, D.free, sizeof(double) * (size_t)D.gaps);
     if (!decision_at(I, I->t, I->x, &D)) return 0;
     for (long i = 0; i < D.gaps; i++) {
         noise[i] = fmax(BEGINS * fabs(noise[i]), TOUCHES * EPS * fabs(I->t) / later * fabs(noise[i] - D.free[i]));
         R.law[i] = R.touching[i] ? MAY_HOLD : OFF;
-        largest = fmax(largest, fabs(D.free[i]) / unit_of(D.W[i * (D.n + 1)]));
+        largest = fmax(largest, fabs(D.free[i]) / unit_of(own_of(&D, i)));
     }
     Problem p = problem_of(I, &D, R, D.free);
     p.constants = 1;
@@ -629,6 +646,22 @@ static enum Code part_shared(Integrator *I, Room R, double planned, double later
     return decide_when(I, R, planned, later * planned, &roughly);
 }
 
+/* Whether rows of the mode that has been set are no more than a little on the wrong side where it begins: else something else has changed by when it was looked at. -1 when the input
+   function failed. */
+static int is_true_now(Integrator *I, Room R) {
+    struct State *T = I->state;
+    Decision D;
+    double most = 0;
+    if (!decision_at(I, I->t, I->x, &D)) return -1;
+    if (!rows_at(I, I->t, I->x)) return -1;
+    for (long k = 0; k < D.n; k++) most = fmax(most, fmax(fabs(R.push[k]) * unit_of(own_of(&D, k)), fabs(D.free[k]) / unit_of(own_of(&D, k))));
+    for (long i = 0; i < D.gaps; i++) {
+        double unit = unit_of(own_of(&D, i)), size = T->side[i] == 1 ? T->one_row[i] * unit : T->one_row[i] / unit;
+        if (size < -ATTRACTS * most && T->one_row[i] < -T->row_noise[i]) return 0;
+    }
+    return 1;
+}
+
 /* The same, not later than it takes to tell; nor so late that something else has changed, if it can be told. */
 static enum Code decide_in_time(Integrator *I, Room R, double planned) {
     struct State *T = I->state;
@@ -645,6 +678,13 @@ static enum Code decide_in_time(Integrator *I, Room R, double planned) {
     }
     if (!decide_now(I, R, LATER * planned, now)) return INPUT_FAILED;
     for (double later = LATER; roughly && later < TOO_LATE; later *= 100) code = decide_when(I, R, planned, later * planned, &roughly);
+    for (double later = 0.01 * LATER; I->changes_index && later > SOONEST && later * planned > SPENT * EPS * fabs(I->t); later *= 0.01) {
+        int holds = code == REACHED_END ? is_true_now(I, R) : 0;
+        if (holds < 0) return INPUT_FAILED;
+        if (holds) break;
+        memcpy(T->side, before, sizeof(double) * (size_t)I->masks);
+        code = decide_when(I, R, planned, later * planned, &roughly);
+    }
     for (double later = LATER; later > SOONEST; later *= 0.01) {
         int sooner = 0;
         for (long i = 0; i < I->one_sided; i++) sooner |= now[i] != MAY_HOLD && (code != REACHED_END || (now[i] == HOLDS) != (T->side[i] == 1));
@@ -701,7 +741,7 @@ static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
             for (long i = 0; i < n && again; i++) R.before[i] += more[i];
         }
         for (long i = 0; i < D->gaps; i++) {
-            double rate = D->rate[i], unit = unit_of(D->W[i * (n + 1)]);
+            double rate = D->rate[i], unit = unit_of(own_of(D, i));
             for (long j = 0; j < n; j++) rate += D->W[i * n + j] * R.before[j];
             if (!R.touching[i]) continue;
             most = fmax(most, fabs(D->rate[i]) / unit);
@@ -791,8 +831,8 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
     if (!I->magnitudes && !holds) return REACHED_END;
     if (!rows_at(I, I->t, I->x)) return INPUT_FAILED;
     for (long i = 0; i < D->gaps; i++) { /* in this mode the equations may say something else: then it is none */
-        double most = 0, unit = unit_of(D->W[i * (D->n + 1)]);
-        for (long k = 0; k < D->n; k++) most = fmax(most, fmax(fabs(R.push[k]) * unit_of(D->W[k * (D->n + 1)]), fabs(D->free[k]) / unit_of(D->W[k * (D->n + 1)])));
+        double most = 0, unit = unit_of(own_of(D, i));
+        for (long k = 0; k < D->n; k++) most = fmax(most, fmax(fabs(R.push[k]) * unit_of(own_of(D, k)), fabs(D->free[k]) / unit_of(own_of(D, k))));
         if (I->state->side[i] != 1 || !(I->state->one_row[i] * unit < -ATTRACTS * most) || I->state->one_row[i] >= -I->state->row_noise[i]) continue;
         int soon = D->kind[i] == NO_IMPACT ? holds_soon(I, i) : 0;
         if (soon < 0) return INPUT_FAILED;
@@ -825,11 +865,11 @@ static int strike_without_closing(Integrator *I, Room R) {
         *law = OFF;
         for (long i = 0; i < D.gaps; i++)
             if (R.touching[i] && D.slide_by[f * n + i] != 0) *law = MAY_HOLD;
-        for (long k = row_of(&D, f); k < row_of(&D, f) + rows_of(&D, f) && *law == MAY_HOLD; k++) fast = fmax(fast, fabs(D.rate[k]) / unit_of(D.W[k * (n + 1)]));
+        for (long k = row_of(&D, f); k < row_of(&D, f) + rows_of(&D, f) && *law == MAY_HOLD; k++) fast = fmax(fast, fabs(D.rate[k]) / unit_of(own_of(&D, k)));
     }
     memcpy(start, D.rate, sizeof(double) * (size_t)n);
     for (long i = 0; i < n; i++) /* what closes a little later, if nothing acts */
-        if (R.law[i < D.gaps ? i : 0] != OFF || i >= D.gaps) most = fmax(most, fabs(D.free[i]) / unit_of(D.W[i * (n + 1)]));
+        if (R.law[i < D.gaps ? i : 0] != OFF || i >= D.gaps) most = fmax(most, fabs(D.free[i]) / unit_of(own_of(&D, i)));
     for (long i = 0; i < n && most > 0; i++) start[i] = (i < D.gaps ? 0 : D.rate[i]) + CLOSING * fast / most * D.free[i];
     most = 0;
     if (!complementary(&p, R.place, T->lemke, T->basis)) return 0;
@@ -838,7 +878,7 @@ static int strike_without_closing(Integrator *I, Room R) {
     memcpy(R.centre, R.push, sizeof(double) * (size_t)n);
     if (!newton_of_laws(&p, R.asked)) return 0;
     find_rates(&p);
-    for (long i = 0; i < n; i++) most = fmax(most, fabs(R.push[i]) * unit_of(D.W[i * (n + 1)]));
+    for (long i = 0; i < n; i++) most = fmax(most, fabs(R.push[i]) * unit_of(own_of(&D, i)));
     if (!answers(&p) || !(most > NIL * fast)) return 0;
     for (long j = 0; j < n; j++) T->impulse[j] += R.push[j];
     for (long i = 0; i < I->nx; i++)
@@ -856,7 +896,7 @@ static int end_least_slips(const Integrator *I, const Decision *D, Room R) {
     double fast = sqrt(2 * fmax(D->bounce[D->gaps], 0));
     for (long f = 0; f < D->frictions; f++) {
         long i = row_of(D, f);
-        if (R.touching[D->gaps + f] != 2 || !(size_of(D, f, D->rate) <= NEAR_ZERO * fast * unit_of(D->W[i * (n + 1)]))) continue;
+        if (R.touching[D->gaps + f] != 2 || !(size_of(D, f, D->rate) <= NEAR_ZERO * fast * unit_of(own_of(D, i)))) continue;
         R.touching[D->gaps + f] = 1;
         for (long k = 0; k < I->one_sided; k++) found |= R.touching[k] && D->slide_by[f * n + k] != 0;
     }
@@ -923,7 +963,7 @@ static void note_strength(Integrator *I, const Decision *D, Room R) {
     *size = *noise = 0;
     for (long i = 0; i < D->gaps; i++) {
         if (!T->struck[at * D->gaps + i]) continue;
-        *size += fabs(T->impulse[i]) * unit_of(D->W[i * (D->n + 1)]);
+        *size += fabs(T->impulse[i]) * unit_of(own_of(D, i));
         *noise = fmax(*noise, D->gap_noise[i] / (TOUCHES * fabs(R.before[i])));
     }
 }
@@ -1172,6 +1212,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     Room R = room_of(I);
     long gaps = I->one_sided, n = reactions_of(I), *leaves = T->leaves;
     int impacts = 0;
+    if (I->changes_index && T->begun) project(I, I->t, I->x); /* what has been held at zero through states is where it may change */
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < gaps; i++) {
         R.touching[i] = D.gap[i] <= D.gap_noise[i] || (T->side[i] == 1 && !has_jumped(I, &D, i)) || i == row;

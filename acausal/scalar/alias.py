@@ -17,6 +17,7 @@ from dataclasses import dataclass, field
 import casadi as ca
 
 from acausal.errors import OverdeterminedError
+from acausal.language.expression import Reaction, declared
 from acausal.scalar.affine import Affine
 from acausal.scalar.chains import Chains, Level
 from acausal.scalar.dependent import replace_dependent
@@ -179,11 +180,13 @@ class _Elimination:
         if not equation.consistent:
             members = [self.chains.members.get(s.element_hash()) for s in ca.symvar(source.residual)]
             names = named(m.unknown for m in members if m is not None)
-            raise OverdeterminedError(
+            error = OverdeterminedError(
                 f"Equation {source}{f' of {names}' if names else ''} contradicts the others: with what they say it reads 0 = {self._told(equation.remainder)}. "
                 f"A value or a motion is given twice: remove a source, or another equation of the same variables"
                 f"{'' if equation.remainder.is_constant() else ', or let something between yield (a leakage, a resistance, a spring)'}. {self.system.totals}"
             )
+            error.reactions = tuple(s for s in map(declared, ca.symvar(equation.remainder)) if isinstance(s, Reaction))
+            raise error
         self.dropped.append(source)
 
     def _told(self, remainder: ca.SX) -> str:

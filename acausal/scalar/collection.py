@@ -17,6 +17,7 @@ from acausal.language.connector import FLOWS, Connector, Point, Quantity, Rotati
 from acausal.language.equation import Equation, der, input_rates
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Symbol, Time, Variable, declared, time
 from acausal.language.flatten import FlatSystem, Part
+from acausal.language.mode_laws import OneWay
 from acausal.scalar.canonical import canonical_parts
 from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown, symbols_in
 
@@ -85,6 +86,9 @@ def _written(part: Part) -> Iterable[Equation]:
             hint = " '==' compares and gives no equation." if isinstance(entry, bool | Expression) else ""
             raise ModelError(f"Equation {k} of {part.where} is {entry!r}.{hint} Write yield ac.equal(left, right).")
         yield entry
+    for law in part.laws:
+        if isinstance(law, OneWay):
+            yield from law.equations
 
 
 def collect(flat: FlatSystem, driven: Sequence[tuple[Connector, str]], values: np.ndarray, readings: Readings) -> Collection:

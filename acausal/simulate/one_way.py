@@ -71,6 +71,8 @@ def _rounding(functions: Functions, run: Trajectory, of: ca.SX, t: float) -> flo
 
 
 def _warn(row: ModeRow, t: float, moved: float, passed: float, closed: bool) -> None:
+    if row.turned:
+        moved, passed, closed = passed, moved, not closed
     doing = (
         f"is taken for closed, and has {moved:.3g} and passes {passed:.3g}"
         if closed

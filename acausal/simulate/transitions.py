@@ -31,6 +31,7 @@ _BRIDGE = -2
 _OFF, _STICKS, _SLIDES_UP, _SLIDES_DOWN, _SLIDES = range(5)
 _FRICTION = ("off", "sticks", "slides +", "slides -", "slides")
 _ONE_SIDED = ("open", "closed")
+_TURNED = ("closed", "open")
 _LOCK = ("free", "held")
 _IMPULSES = {"N": "N*s", "N*m": "N*m*s"}
 
@@ -66,7 +67,11 @@ class Law:
     @property
     def words(self) -> tuple[str, ...]:
         """What it may be doing, by number."""
-        return _ONE_SIDED if self.row.one_sided else _FRICTION
+        return _FRICTION if not self.row.one_sided else _TURNED if self.row.turned else _ONE_SIDED
+
+    def holds(self, word: str) -> bool:
+        """Whether its row holds where the part is so: closed, or open where the law is turned round, or where friction sticks."""
+        return word == ("sticks" if not self.row.one_sided else "open" if self.row.turned else "closed")
 
     def numbers(self, masks: np.ndarray) -> np.ndarray:
         """Which of the words (n,) are true, by all masks (masks, n)."""

@@ -1,0 +1,139 @@
+/* Valves whose currents follow at once in some modes, and through states in others (see acausal/reduce/changing_index.py).
+
+   Of what holds, y = h + M r, rows that depend on one another say nothing of reactions, but something of states; then their rates y' = d + K r say it, as far as these rows do,
+   N y' = 0 with N M = 0. Both together are P y + Q y' = 0, with P and Q so that what stands before r is the unit matrix. P and Q are found where a mode begins, by elimination with
+   complete pivoting, in units in which what a row does and what its reaction does are of one size.
+
+   What is decided is looked at a little later: h + later d + (M + later K) r. */
+
+#define CANCELS 1e-12 /* of its terms, what is zero */
+
+/* Where the masks begin: how much later, P, Q by rows. */
+static long index_of(const Integrator *I) {
+    long n = reactions_of(I);
+    return first_discrete(I) - 1 - 2 * n * n;
+}
+
+/* What each row's own reaction does to it, or something of that unit where it does nothing, into T->row_unit (n). What it does at once counts, then what it does with others that
+   are known, then what it does later. */
+static void find_units(Integrator *I, const Decision *D) {
+    double *own = I->state->row_unit;
+    const double *W = D->W;
+    long n = reactions_of(I);
+    for (long i = 0; i < n; i++) I->state->row_terms[i] = -D->terms[i];
+    if (!(I->state->side[index_of(I)] > 0) && own[0] > 0) return;
+    for (long i = 0; i < n; i++) own[i] = fmax(D->values[i * n + i], 0);
+    for (long again = 0; again <= 2 * n; again++) {
+        int found = 0;
+        for (long i = 0; i < n; i++) {
+            double most = 0;
+            for (long j = 0; j < n && !(own[i] > 0); j++)
+                if (own[j] > 0) most = fmax(most, fabs(W[i * n + j] * W[j * n + i]) / own[j]);
+            if (most > 0) own[i] = fmax(most, W[i * n + i]), found = 1;
+        }
+        for (long i = 0; i < n && !found; i++)
+            if (!(own[i] > 0) && W[i * n + i] > 0) own[i] = W[i * n + i], found = 1;
+    }
+    for (long i = 0; i < n; i++)
+        if (!(own[i] > 0)) own[i] = 1;
+}
+
+/* What is left of a - b; exactly nothing, where that is rounding. */
+static double left_of(double a, double b) {
+    double left = a - b;
+    return fabs(left) <= CANCELS * (fabs(a) + fabs(b)) ? 0 : left;
+}
+
+/* Eliminates A (k, k) with complete pivoting, and does the same with the rows of C (k, k); `column` (k): which one comes where. The rank. */
+static long eliminate_whole(double *A, double *C, long *column, long k) {
+    for (long b = 0; b < k; b++) column[b] = b;
+    for (long s = 0; s < k; s++) {
+        long row = s, at = s;
+        for (long a = s; a < k; a++)
+            for (long b = s; b < k; b++)
+                if (fabs(A[a * k + b]) > 1.5 * fabs(A[row * k + at])) row = a, at = b; /* of what is alike the first */
+        if (A[row * k + at] == 0) return s;
+        for (long b = 0; b < k && row != s; b++) {
+            double one = A[s * k + b], other = C[s * k + b];
+            A[s * k + b] = A[row * k + b], A[row * k + b] = one;
+            C[s * k + b] = C[row * k + b], C[row * k + b] = other;
+        }
+        for (long a = 0; a < k && at != s; a++) {
+            double one = A[a * k + s];
+            A[a * k + s] = A[a * k + at], A[a * k + at] = one;
+        }
+        long moved = column[s];
+        column[s] = column[at], column[at] = moved;
+        for (long a = s + 1; a < k; a++) {
+            double factor = A[a * k + s] / A[s * k + s];
+            if (factor == 0) continue;
+            A[a * k + s] = 0;
+            for (long b = s + 1; b < k; b++) A[a * k + b] = left_of(A[a * k + b], factor * A[s * k + b]);
+            for (long b = 0; b < k; b++) C[a * k + b] = left_of(C[a * k + b], factor * C[s * k + b]);
+        }
+    }
+    return k;
+}
+
+/* The inverse of G (k, k), which is used up, into B (k, k); x (k): room. 0 where there is none. */
+static int invert_whole(double *G, double *B, double *x, long *column, long k) {
+    memset(B, 0, sizeof(double) * (size_t)(k * k));
+    for (long a = 0; a < k; a++) B[a * k + a] = 1;
+    if (eliminate_whole(G, B, column, k) < k) return 0;
+    for (long c = 0; c < k; c++) {
+        for (long a = k - 1; a >= 0; a--) {
+            double sum = B[a * k + c];
+            for (long b = a + 1; b < k; b++) sum -= G[a * k + b] * x[column[b]];
+            x[column[a]] = sum / G[a * k + a];
+        }
+        for (long a = 0; a < k; a++) B[a * k + c] = x[a];
+    }
+    return 1;
+}
+
+/* P and Q of the rows that hold in the mode that has been set, into the masks. 0 where rows say nothing of reactions, nor do their rates. */
+static int combine_rows(Integrator *I, const Decision *D) {
+    struct State *T = I->state;
+    long n = reactions_of(I), k = 0, *row = T->index_rows, *column = row + n;
+    double *P = T->side + index_of(I) + 1, *Q = P + n * n, *A = T->index_work, *C = A + n * n, *G = C + n * n, *B = G + n * n, *x = B + n * n;
+    memset(P, 0, sizeof(double) * (size_t)(2 * n * n));
+    for (long i = 0; i < n; i++)
+        if (T->side[i] == 1) row[k++] = i;
+    for (long a = 0; a < k; a++)
+        for (long b = 0; b < k; b++) {
+            A[a * k + b] = D->values[row[a] * n + row[b]] / sqrt(T->row_unit[row[a]] * T->row_unit[row[b]]);
+            C[a * k + b] = a == b;
+        }
+    long rank = eliminate_whole(A, C, column, k);
+    for (long a = 0; a < k; a++) {
+        double most = 0;
+        for (long b = 0; b < k; b++) {
+            double sum = 0;
+            for (long c = 0; c < k; c++) {
+                const double *of = a < rank ? D->values : D->rates;
+                sum += C[a * k + c] * of[row[c] * n + row[b]] / sqrt(T->row_unit[row[c]] * T->row_unit[row[b]]);
+            }
+            G[a * k + b] = sum;
+            most = fmax(most, fabs(sum));
+        }
+        if (!(most > 0)) return 0;
+        for (long b = 0; b < k; b++) G[a * k + b] /= most, C[a * k + b] /= most;
+    }
+    if (!invert_whole(G, B, x, column, k)) return 0;
+    for (long a = 0; a < k; a++)
+        for (long b = 0; b < k; b++) {
+            double p = 0, q = 0, units = sqrt(T->row_unit[row[a]] * T->row_unit[row[b]]);
+            for (long c = 0; c < k; c++) *(c < rank ? &p : &q) += B[a * k + c] * C[c * k + b];
+            P[row[a] * n + row[b]] = p / units, Q[row[a] * n + row[b]] = q / units;
+        }
+    return 1;
+}
+
+/* What rounding makes of a row in the mode that has been set. */
+static double rounding_of_row(const Integrator *I, long i) {
+    const struct State *T = I->state;
+    const double *P = T->side + index_of(I) + 1 + i * reactions_of(I);
+    double terms = T->side[i] == 1 ? 0 : T->row_terms[i];
+    for (long j = 0; j < reactions_of(I) && T->side[i] == 1; j++) terms += fabs(P[j]) * T->row_terms[j];
+    return TOUCHES * EPS * terms;
+}

@@ -1,0 +1,251 @@
+"""Valves beside inductors: what one of them holds at zero follows at once in some modes, and through states in others. Against closed forms, and by the laws that motions obey."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from typing import Any
+
+import networkx as nx
+import numpy as np
+import pytest
+
+import acausal as ac
+from components import Capacitor, Ground, IdealDiode, Inductor, Resistor, Thyristor, VoltageSource
+
+AMPLITUDE = 10.0
+
+
+def zero_of(f: Any, low: float, high: float) -> float:
+    """By bisection."""
+    for _ in range(200):
+        middle = 0.5 * (low + high)
+        low, high = (low, middle) if f(low) * f(middle) <= 0 else (middle, high)
+    return low
+
+
+class Branch:
+    """L i' + R i = A sin(w t), from i0 at t0 on; A = 0: it decays."""
+
+    def __init__(self, L: float, R: float, w: float, A: float, t0: float, i0: float) -> None:
+        self.rate, self.w, self.A, self.t0 = R / L, w, A / (R * R + (w * L) ** 2), t0
+        self.R, self.wL = R, w * L
+        self.rest = i0 - self.steady(t0)
+
+    def steady(self, t: float) -> float:
+        return self.A * (self.R * math.sin(self.w * t) - self.wL * math.cos(self.w * t))
+
+    def __call__(self, t: float) -> float:
+        return self.steady(t) + self.rest * math.exp(-self.rate * (t - self.t0))
+
+
+def circuit(L: Any, R: Any, w: float, *, free: bool = False, first: bool = False, gate: Any = None) -> Any:
+    """A source, a valve, an inductor and a resistor in a row; `free`: a diode that lets the inductor's current go round without the source."""
+    scene: Any = ac.System()
+    valve = IdealDiode() if gate is None else Thyristor(gate)
+    if free and first:
+        scene.free = IdealDiode()
+    scene.mains, scene.valve, scene.coil = VoltageSource(AMPLITUDE * np.sin(w * ac.time)), valve, Inductor(L)
+    scene.load, scene.ground = Resistor(R), Ground()
+    if free and not first:
+        scene.free = IdealDiode()
+    scene.connect(scene.mains.pin_a, scene.valve.pin_a)
+    scene.connect(scene.valve.pin_b, scene.coil.pin_a)
+    scene.connect(scene.coil.pin_b, scene.load.pin_a)
+    scene.connect(scene.load.pin_b, scene.mains.pin_b, scene.ground.pin)
+    if free:
+        scene.connect(scene.free.pin_a, scene.ground.pin)
+        scene.connect(scene.free.pin_b, scene.coil.pin_a)
+    return scene
+
+
+SIZES = [(0.5, 20.0, 100.0), (3e-9, 2e-3, 1e6), (4e4, 1e6, 7.0)]
+
+
+@pytest.mark.parametrize(("L", "R", "w"), SIZES)
+def test_a_diode_in_series_with_an_inductor_holds_its_current_at_zero(L: float, R: float, w: float) -> None:
+    scene = circuit(L, R, w)
+    model = ac.build(scene)
+    run = model.simulate(6.5 * math.pi / w, {scene.coil.i: 0.0}, rtol=1e-12, samples=400)
+    ends: list[float] = []
+    for k in range(3):
+        branch = Branch(L, R, w, AMPLITUDE, 2 * k * math.pi / w, 0.0)
+        ends += [zero_of(branch, (2 * k + 1) * math.pi / w, (2 * k + 1.999) * math.pi / w), 2 * (k + 1) * math.pi / w]
+    np.testing.assert_allclose([change.time for change in run.transitions], ends, rtol=1e-11)
+    ends.append(math.inf)
+    assert [change.changes[0].new for change in run.transitions] == ["open", "closed"] * 3
+    size = AMPLITUDE / R
+    for t, i, v in zip(run.t, run[scene.coil.i].ravel(), run[scene.valve.v].ravel(), strict=True):
+        k = int(t * w / (2 * math.pi))
+        if t < ends[2 * k]:
+            assert i == pytest.approx(Branch(L, R, w, AMPLITUDE, 2 * k * math.pi / w, 0.0)(t), abs=1e-11 * size)
+        else:
+            assert abs(i) < 1e-15 * size
+            assert v == pytest.approx(AMPLITUDE * math.sin(w * t), abs=1e-11 * AMPLITUDE)
+    assert str(run.modes(scene.valve).at(0.0)) == "closed"
+
+
+def free_wheeling(L: float, R: float, w: float, turns: int) -> tuple[list[float], list[Branch]]:
+    """Instants at which the other diode takes over, and what flows from each on."""
+    times, branches = [0.0], [Branch(L, R, w, AMPLITUDE, 0.0, 0.0)]
+    for k in range(1, turns + 1):
+        t = k * math.pi / w
+        branches.append(Branch(L, R, w, AMPLITUDE if k % 2 == 0 else 0.0, t, branches[-1](t)))
+        times.append(t)
+    return times, branches
+
+
+@pytest.mark.parametrize("first", [False, True])
+@pytest.mark.parametrize(("L", "R", "w"), SIZES)
+def test_a_current_that_cannot_stop_goes_over_to_the_other_diode(L: float, R: float, w: float, first: bool) -> None:
+    scene = circuit(L, R, w, free=True, first=first)
+    run = ac.build(scene).simulate(6.5 * math.pi / w, {scene.coil.i: 0.0}, rtol=1e-12, samples=300)
+    times, branches = free_wheeling(L, R, w, 6)
+    np.testing.assert_allclose([change.time for change in run.transitions], times[1:], rtol=1e-12)
+    exact = [branches[int(np.searchsorted(times, t, side="right")) - 1](t) for t in run.t]
+    np.testing.assert_allclose(run[scene.coil.i].ravel(), exact, rtol=0, atol=1e-11 * AMPLITUDE / R)
+    np.testing.assert_allclose((run[scene.valve.i] + run[scene.free.i]).ravel(), exact, rtol=0, atol=1e-11 * AMPLITUDE / R)
+    assert np.minimum(run[scene.valve.i], run[scene.free.i]).max() < 1e-12 * AMPLITUDE / R
+
+
+def test_derivatives_through_changes_of_the_index() -> None:
+    """Of what is left after three and a half periods, against differences of the closed form; of a current that has been zero in between, nothing is left of its start."""
+    values, w, h = (0.05, 2.0), 100.0, 1e-6
+    end = 7.1 * math.pi / w
+    for free in (False, True):
+        scene = circuit(ac.Parameter(values[0], "H"), ac.Parameter(values[1], "Ohm"), w, free=free)
+        model = ac.build(scene)
+        by = [scene.coil.inductance, scene.load.resistance, scene.coil.i]
+        found = model.sensitivities([0.0, end], by, {scene.coil.i: 0.0}, rtol=1e-12)[scene.coil.i][-1]
+
+        def left(L: float, R: float, free: bool = free) -> float:
+            if not free:
+                return Branch(L, R, w, AMPLITUDE, 6 * math.pi / w, 0.0)(end)
+            return free_wheeling(L, R, w, 7)[1][-1](end)
+
+        slopes = [
+            (
+                left(*(v + h * v * (j == k) for j, v in enumerate(values)))
+                - left(*(v - h * v * (j == k) for j, v in enumerate(values)))
+            )
+            / (2 * h * values[k])
+            for k in range(2)
+        ]
+        np.testing.assert_allclose(found[:2], slopes, rtol=1e-7)
+        decay = math.exp(-values[1] / values[0] * end) if free else 0.0
+        assert found[2] == pytest.approx(decay, rel=1e-9, abs=1e-12)
+
+
+def test_a_store_behind_a_diode_and_an_inductor_takes_twice_the_voltage_and_keeps_it() -> None:
+    """v = V (1 - cos(t / sqrt(L C))), until the current is zero."""
+    V, L, C = 12.0, 2e-3, 5e-6
+    scene: Any = ac.System()
+    scene.source, scene.coil, scene.diode, scene.store, scene.ground = (
+        VoltageSource(V),
+        Inductor(L),
+        IdealDiode(),
+        Capacitor(C),
+        Ground(),
+    )
+    scene.connect(scene.source.pin_a, scene.coil.pin_a)
+    scene.connect(scene.coil.pin_b, scene.diode.pin_a)
+    scene.connect(scene.diode.pin_b, scene.store.pin_a)
+    scene.connect(scene.store.pin_b, scene.source.pin_b, scene.ground.pin)
+    period = math.pi * math.sqrt(L * C)
+    run = ac.build(scene).simulate(5 * period, {scene.coil.i: 0.0, scene.store.v: 0.0}, rtol=1e-12)
+    assert [change.time for change in run.transitions] == pytest.approx([period], rel=1e-12)
+    assert run[scene.store.v].ravel()[-1] == pytest.approx(2 * V, rel=1e-12)
+    assert run[scene.diode.v].ravel()[-1] == pytest.approx(-V, rel=1e-12)
+    assert run[scene.coil.i].ravel()[-1] == pytest.approx(0, abs=1e-15 * V)
+
+
+def test_a_thyristor_hands_its_current_over_to_a_diode_beside_it() -> None:
+    """It is fired a third of a half period late; the current starts from zero, and goes round through the diode from the source's zero on, without end."""
+    L, R, w = 0.05, 2.0, 100.0
+    late = math.pi / 3
+    scene = circuit(L, R, w, free=True, gate=np.sin(w * ac.time - late))
+    run = ac.build(scene).simulate(4.9 * math.pi / w, {scene.coil.i: 0.0}, rtol=1e-12)
+    t, now = late / w, 0.0
+    for k in range(2):
+        rises = Branch(L, R, w, AMPLITUDE, t, now)
+        over = (2 * k + 1) * math.pi / w
+        again = ((2 * k + 2) * math.pi + late) / w
+        now = Branch(L, R, w, 0.0, over, rises(over))(again)
+        t = again
+    rises = Branch(L, R, w, AMPLITUDE, t, now)
+    assert run[scene.coil.i].ravel()[-1] == pytest.approx(rises(run.t[-1]), rel=1e-11)
+
+
+def test_a_thyristor_alone_with_an_inductor_needs_a_leakage_and_says_so() -> None:
+    with pytest.raises(ac.errors.ModelError, match=r"valve\.passing of valve .* leakage"):
+        ac.build(circuit(0.1, 1.0, 100.0, gate=1.0))
+
+
+def drawn(seed: int, order: np.random.Generator | None) -> tuple[Any, list[Any], float, float]:
+    """A source, diodes with a little resistance, and other parts, which connect all nodes; with its times [s] and voltages [V]."""
+    g = np.random.default_rng(seed)
+    V, R, T = float(g.choice([1e-3, 1.0, 1e4])), float(g.choice([1e-2, 1.0, 1e5])), float(g.choice([1e-6, 1.0, 1e2]))
+    nodes = int(g.integers(3, 6))
+    while True:
+        kinds = "V" + "D" * int(g.integers(1, 5)) + "L" + "".join(g.choice(list("RRRCLL"), int(g.integers(nodes - 1, nodes + 3))))
+        ends = [g.choice(nodes, 2, replace=False) for _ in kinds]
+        beside = any(kind == "D" and set(pair) == set(ends[0]) for kind, pair in zip(kinds, ends, strict=True))
+        others: Any = nx.Graph()
+        others.add_nodes_from(range(nodes))
+        others.add_edges_from([(int(a), int(b)) for kind, (a, b) in zip(kinds, ends, strict=True) if kind != "D"])
+        uses = Counter(int(node) for pair in ends for node in pair)
+        if nx.is_connected(others) and not beside and all(uses[node] + (node == 0) > 1 for node in range(nodes)):
+            break
+    parts: list[Any] = []
+    for kind, value, phase in zip(kinds, g.uniform(0.5, 2, len(kinds)), g.uniform(0, 6, len(kinds)), strict=True):
+        made = {
+            "V": lambda v=value, p=phase: VoltageSource(V * v * np.sin(5 / T * ac.time + p)),
+            "D": lambda v=value: IdealDiode(resistance=1e-3 * R * v),
+            "R": lambda v=value: Resistor(R * v),
+            "C": lambda v=value: Capacitor(0.3 * v * T / R),
+            "L": lambda v=value: Inductor(0.3 * v * T * R),
+        }
+        parts.append(made[kind]())
+    scene: Any = ac.System()
+    scene.ground = Ground()
+    scene.elements = list(parts) if order is None else [parts[k] for k in order.permutation(len(parts))]
+    for node in range(nodes):
+        pins = [
+            pin
+            for part, pair in zip(parts, ends, strict=True)
+            for pin, end in zip((part.pin_a, part.pin_b), pair, strict=True)
+            if end == node
+        ]
+        scene.connect(*([scene.ground.pin] if node == 0 else []), *pins)
+    return scene, parts, T, V
+
+
+@pytest.mark.parametrize("seed", [18, 27, 31, 36, 45, 66, 82, 84, 87, 106, 126, 127, 128, 148, 185, 188, 211, 213])
+def test_drawn_circuits_conduct_one_way_without_voltage_in_any_order(seed: int) -> None:
+    """Currents of inductors and voltages of capacitors being continuous, a motion that obeys the laws at all times is the only one there is (a monotone inclusion)."""
+    ends: list[np.ndarray] = []
+    for order in (None, np.random.default_rng(seed)):
+        scene, parts, T, V = drawn(seed, order)
+        model = ac.build(scene)
+        run = model.simulate(2 * T, rtol=1e-10, samples=200)
+        most = max(np.abs(run[part.i]).max() for part in parts)
+        for diode in (part for part in parts if isinstance(part, IdealDiode)):
+            current, over = run[diode.current], run[diode.v] - diode.resistance * run[diode.current]
+            volts = max(V, float(np.abs(run[diode.v]).max()))
+            assert current.min() >= -1e-12 * most
+            assert over.max() <= 1e-12 * volts
+            assert np.abs(current * over).max() <= 1e-12 * most * volts
+        assert run.statistics.steps < 300
+        ends.append(np.array([run[part.i].ravel()[-1] for part in parts]) / (most or 1.0))
+    np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-7)
+
+
+def test_parameters_may_change_after_the_build() -> None:
+    L, R = ac.Parameter(0.05, "H"), ac.Parameter(2.0, "Ohm")
+    scene = circuit(L, R, 100.0, free=True)
+    model = ac.build(scene)
+    for inductance, resistance in ((5e-5, 2.0), (50.0, 1e3), (0.05, 0.02)):
+        end = 5.3 * math.pi / 100
+        run = model.simulate(end, {scene.coil.i: 0.0}, parameters={L: inductance, R: resistance}, rtol=1e-12)
+        exact = free_wheeling(inductance, resistance, 100.0, 5)[1][-1](end)
+        assert run[scene.coil.i].ravel()[-1] == pytest.approx(exact, rel=1e-9, abs=1e-11 * AMPLITUDE / resistance)
