@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Iterable
 
 import casadi as ca
@@ -26,6 +27,7 @@ from components import (
     Plane,
     PointOnPlane,
     PrescribedMotion,
+    Prismatic,
     Revolute,
     RigidBody,
     Sphere,
@@ -638,3 +640,69 @@ def test_what_a_growing_push_sets_in_motion_has_the_derivatives_of_its_closed_fo
     for k, turned in enumerate((0.0, 0.0, 0.0, x)):
         most = (1e-7 if turned else 1e-9) * max(abs(way[k]), turned)
         assert found[at.position][-1][:, k] == pytest.approx(way[k] * along + turned * across, rel=0, abs=most)
+
+
+class LeaningRod:
+    """Of mass 1 and length L, on a rough floor and against a rough wall, at `angle` from upright; its foot is drawn away from the wall by F t / T. In the plane; p: mu, that at the wall, F / L [1/s^2]."""
+
+    def __init__(self, angle: float, size: float, p: np.ndarray) -> None:
+        self.angle, self.L, self.T, self.p = angle, size, np.sqrt(size / 9.81), p
+
+    def forces(self, angle: float, rate: float, t: float, p: np.ndarray, way: float) -> np.ndarray:
+        """Angular acceleration in 1/T^2, pushes of floor and wall in weights, where friction pushes the foot to the wall, the head along it by `way`; t in T."""
+        s, c, (mu, high, F) = np.sin(angle), np.cos(angle), p
+        A = np.array([[-c / 2, -mu, 1], [-s / 2, -1, -way * high], [1 / 12, c / 2 * mu - s / 2, c / 2 + way * high * s / 2]])
+        b = np.array([-F * self.T**2 * t - s / 2 * rate**2, -1 + c / 2 * rate**2, c / 2 * F * self.T**2 * t])
+        return np.linalg.solve(A, b)
+
+    def gives_way(self, p: np.ndarray) -> float:
+        """Until when, in T, any forces hold it: at a limit at both ends there, whichever way lasts longer."""
+        found: list[float] = []
+        for way in (-1.0, 1.0):
+            at = [self.forces(self.angle, 0, t, p, way) for t in (0.0, 1.0)]
+            t = at[0][0] / (at[0][0] - at[1][0])
+            if t > 0 and np.all(at[0][1:] + t * (at[1][1:] - at[0][1:]) > 0):
+                found.append(t)
+        return max(found)
+
+    def angle_at(self, t: float, p: np.ndarray) -> float:
+        """[rad] at t [T], while it slides at both ends."""
+        slope = lambda t, y: (y[1], self.forces(y[0], y[1], t, p, 1.0)[0])  # noqa: E731
+        way = solve_ivp(slope, (self.gives_way(p), t), (self.angle, 0.0), "DOP853", rtol=1e-13, atol=1e-15)
+        assert np.all(self.forces(way.y[0, -1], way.y[1, -1], t, p, 1.0)[1:] > 0)
+        return float(way.y[0, -1])
+
+
+@pytest.mark.parametrize(("angle", "mu", "high", "size"), [(0.4, 0.5, 0.4, 1.0), (0.5, 0.6, 0.3, 1e-3)])
+def test_what_holds_itself_between_floor_and_wall_gives_way_when_its_parameters_say(
+    angle: float, mu: float, high: float, size: float
+) -> None:
+    """It does where no forces within both limits hold it, and then begins to slide with an acceleration that jumps: friction at the wall, which pushed it down, turns round."""
+    p = np.array([mu, high, 4.0 * 9.81 / size])
+    rod = LeaningRod(angle, size, p)
+    scene, given = ac.System(), [ac.Parameter(mu), ac.Parameter(high), ac.Parameter(p[2] * size, "N")]
+    scene.push, scene.world, scene.rod = (
+        Force((-given[2] * ac.time / rod.T, 0, 0)),
+        World((0, 0, -9.81)),
+        RigidBody.rod(1.0, (0, 0, size)),
+    )
+    scene.x, scene.z, scene.turn = Prismatic("x"), Prismatic("z"), Revolute("y")
+    scene.foot, scene.head = (PointOnPlane(unilateral=True, friction=Coulomb(k)) for k in given[:2])
+    for a, b in (
+        (scene.world.frame, scene.x.frame_a), (scene.x.frame_b, scene.z.frame_a), (scene.z.frame_b, scene.turn.frame_a), (scene.turn.frame_b, scene.rod.frame),
+        (scene.world.frame, scene.foot.frame_a), (scene.foot.frame_b, scene.rod.frame), (scene.push.point, scene.rod.frame), (scene.head.frame_b, scene.rod.tip),
+        (scene.world.at((size * np.sin(angle), 0, 0), rotation=((0, 1, 0), -np.pi / 2)), scene.head.frame_a),
+    ):  # fmt: skip
+        scene.connect(a, b)
+    end = rod.gives_way(p) + 0.1
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", SingularWarning)
+        found = ac.build(scene).sensitivities(
+            [0.0, end * rod.T], given, {scene.x.q: 0, scene.z.q: 0, scene.turn.q: angle}, rtol=1e-12
+        )
+    for k, steps in enumerate(np.diag(1e-4 * p)):
+        differences = [
+            (rod.angle_at(end, p + part * steps) - rod.angle_at(end, p - part * steps)) / (2e-4 * part) for part in (1, 0.5)
+        ]
+        right = differences[1] + (differences[1] - differences[0]) / 3
+        assert found[scene.turn.q][-1].ravel()[k] * given[k].value == pytest.approx(right, rel=1e-7)

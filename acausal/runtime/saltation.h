@@ -6,6 +6,8 @@
 #define GRAZES 1e6     /* roundings of a guard above its least value, where that is no zero to speak of */
 #define TOGETHER 1e-6  /* of what rows change by that vanish together: by how much they may fall apart */
 #define APART 1e-9     /* the same of gaps at the start, and where inputs jump, in units of their terms */
+#define NO_ROOM 1e-8   /* of what rows change by with reactions that nothing moves by: what is left where none of these fit any longer */
+#define SHARES 1e-4    /* the same: reactions that differ by so much have the same slopes of limits */
 
 static int make_saltation(Integrator *I) {
     struct State *T = I->state;
@@ -18,6 +20,12 @@ static int make_saltation(Integrator *I) {
     T->slopes = reserve_doubles(I, 2 * I->mode_rows);
     T->flow = reserve_doubles(I, I->nx + 1);
     T->input_rate = reserve_doubles(I, I->nu + 1);
+    long weighed = first_set(I);
+    T->weight = reserve_doubles(I, I->mode_rows + 1);
+    T->unit_of_row = reserve_doubles(I, weighed + 1);
+    T->by_carried = reserve_doubles(I, I->redundant ? weighed * n + 2 * weighed * weighed + 3 * weighed : 1);
+    T->weighed = reserve(I, sizeof(long) * (size_t)(weighed + 1));
+    if (!I->counted && !(T->weight && T->unit_of_row && T->by_carried && T->weighed)) return 0;
     return I->counted || (T->delay && T->decided_change && T->impulse_change && T->slopes && T->flow && T->input_rate);
 }
 
@@ -65,6 +73,126 @@ static int only_turns(const Integrator *I, long row) {
     return mask[1] == 1 || (mask[2] == 1 && k % 2);
 }
 
+/* What a row changes by with each of the reactions that are carried on, in units of the largest, a row of `by` each; into T->unit_of_row what that is in its own. Returns 0 when the input function failed. */
+static int rows_by_carried(Integrator *I, double *by) {
+    struct State *T = I->state;
+    long n = reactions_of(I);
+    double *carried = T->side + carried_of(I) + 1, largest = 0;
+    Decision D;
+    if (!decision_at(I, I->t, I->x, &D)) return 0;
+    for (long j = 0; j < n; j++) largest = fmax(largest, fmax(T->alone[j], fabs(carried[j])) * unit_of(D.W[j * n + j]));
+    for (long r = 0; r < first_set(I); r++) {
+        long law = law_of_row(I, r);
+        T->unit_of_row[r] = largest / unit_of(D.W[(law < D.gaps ? law : row_of(&D, law - D.gaps)) * (n + 1)]);
+    }
+    for (long j = 0; j < n; j++) {
+        double kept = carried[j], part = SHARES * largest / unit_of(D.W[j * n + j]);
+        for (int side = 1; side >= -1; side -= 2) {
+            carried[j] = kept + side * part;
+            int known = rows_at(I, I->t, I->x);
+            carried[j] = kept;
+            if (!known) return 0;
+            for (long r = 0; r < first_set(I); r++) by[r * n + j] = side > 0 ? T->one_row[r] : (by[r * n + j] - T->one_row[r]) / (2 * SHARES);
+        }
+    }
+    return rows_at(I, I->t, I->x);
+}
+
+/* Whether a row has been weighed with others. */
+static int is_shared(const struct State *T, long row) {
+    for (long a = 0; a < T->shared; a++)
+        if (T->weighed[a] == row) return 1;
+    return 0;
+}
+
+/* Weights y >= 0 of k rows whose products are G (k, k), with sum 1, so that y' G y is least; 0 where that is not zero. `A`: room for k (k + 2). */
+static int find_weights(const double *G, long k, double *y, double *A) {
+    double *b = A + k * k, *given = b + k, sum = 0, left = 0;
+    for (long i = 0; i < k; i++) given[i] = y[i] = 1;
+    for (int whole = 0; whole < 4;) { /* where G is singular, what it leaves is magnified most */
+        memcpy(A, G, sizeof(double) * (size_t)(k * k));
+        memcpy(b, y, sizeof(double) * (size_t)k);
+        for (long i = 0; i < k; i++) {
+            A[i * k + i] += DEPENDENT;
+            for (long j = 0; j < k && given[i] == 0; j++) A[i * k + j] = A[j * k + i] = i == j;
+        }
+        eliminate_dense(A, b, k);
+        long least = 0;
+        sum = 0;
+        for (long i = 0; i < k; i++) b[i] *= given[i], sum += b[i], least = b[i] < b[least] ? i : least;
+        for (long i = 0; i < k; i++) y[i] = b[i] / sum;
+        if (!(sum > 0)) return 0;
+        whole++;
+        if (!(y[least] < -SHARES)) continue;
+        for (long i = 0; i < k; i++) y[i] = given[i] = given[i] != 0 && i != least;
+        whole = 0;
+    }
+    for (long i = 0; i < k; i++)
+        for (long j = 0; j < k; j++) left += y[i] * G[i * k + j] * y[j];
+    return left <= SHARES * SHARES;
+}
+
+/* Where of all reactions that may be carried on none fits any longer, several rows vanish, each at a time that depends on which are: together they do at a time of their own, that of the sum of them
+   with weights >= 0 that none of these reactions moves, as the multipliers of the largest margin are. Weights of rows into T->weight: 1 and 0 where there is nothing of that. Returns 0 when the
+   input function failed. */
+static int weigh_rows(Integrator *I, long row) {
+    struct State *T = I->state;
+    long n = reactions_of(I), k = 0, *which = T->weighed;
+    double *by = T->by_carried, *G = by + first_set(I) * n;
+    memset(T->weight, 0, sizeof(double) * (size_t)I->mode_rows);
+    T->weight[row] = 1;
+    T->shared = 0;
+    if (!I->redundant || row >= first_set(I)) return 1;
+    if (!rows_by_carried(I, by)) return 0;
+    for (long r = 0; r < first_set(I); r++) {
+        double most = 0;
+        for (long j = 0; j < n; j++) most = hypot(most, by[r * n + j]);
+        if (!(most > SHARES * T->unit_of_row[r] && fabs(T->one_row[r]) <= NO_ROOM * most)) continue;
+        for (long j = 0; j < n; j++) by[k * n + j] = by[r * n + j] / most;
+        T->unit_of_row[k] = most;
+        which[k++] = r;
+    }
+    for (long a = 0; a < k; a++)
+        for (long b = 0; b < k; b++) {
+            G[a * k + b] = 0;
+            for (long j = 0; j < n; j++) G[a * k + b] += by[a * n + j] * by[b * n + j];
+        }
+    double *y = G + 2 * k * k + 2 * k;
+    if (k < 2 || !find_weights(G, k, y, G + k * k)) return 1;
+    T->weight[row] = 0;
+    for (long a = 0; a < k; a++) T->weight[which[a]] = fmax(y[a], 0) / T->unit_of_row[a];
+    T->shared = k;
+    return 1;
+}
+
+/* By what part of themselves a direction moves states and parameters: the largest of all. */
+static double part_of_direction(const Integrator *I, long d) {
+    const struct State *T = I->state;
+    double part = 0;
+    for (long i = 0; i < I->nx; i++)
+        if (T->size[i] > 0) part = fmax(part, fabs(T->D[d / LANES * I->nx + i][d % LANES]) / T->size[i]);
+    for (long i = 0; i < I->np; i++)
+        if (I->parameters[i] != 0) part = fmax(part, fabs(I->dp[d * I->np + i] / I->parameters[i]));
+    return part;
+}
+
+/* Notes rows that have been weighed, and that no other reactions would let vanish together so much later as they do in a direction, in lane l of a block. */
+static void note_falling_apart(Integrator *I, const double *slopes, long b, long l) {
+    struct State *T = I->state;
+    long k = T->shared;
+    double *G = T->by_carried + first_set(I) * reactions_of(I), *A = G + k * k, *left = A + k * k, most = 0, least = DEPENDENT * part_of_direction(I, b * LANES + l);
+    memcpy(A, G, sizeof(double) * (size_t)(k * k));
+    for (long a = 0; a < k; a++) {
+        double by = T->row_change_out[T->weighed[a]][l], along = slopes[T->weighed[a]] * T->delay[b * LANES + l];
+        A[a * k + a] += DEPENDENT;
+        left[a] = DEPENDENT * (by + along) / T->unit_of_row[a];
+        most = fmax(most, (fabs(by) + fabs(along)) / T->unit_of_row[a]);
+    }
+    eliminate_dense(A, left, k); /* what is no change by any of these reactions */
+    for (long a = 0; a < k; a++)
+        if (fabs(left[a]) > fmax(SHARES * most, least)) note_law(I, &I->coincides, T->weighed[a]);
+}
+
 /* How much later the row vanishes, direction by direction, into T->delay. Returns 0 when the input function failed. */
 static int find_delays(Integrator *I, long row, double planned) {
     struct State *T = I->state;
@@ -75,8 +203,14 @@ static int find_delays(Integrator *I, long row, double planned) {
     if (!rate_at(I, I->t, I->x, T->flow)) return 0;
     for (long i = 0; i < I->nx; i++) x[i] = I->x[i] - little * T->flow[i];
     if (!find_slopes(I, I->t - little, x, little, earlier) || !find_slopes(I, I->t, I->x, little, slopes) || !rows_at(I, I->t, I->x)) return 0;
-    double slope = slopes[row], bend = (slope - earlier[row]) / little; /* what bends down goes through zero, however slowly */
-    if (slope == 0 || (!only_turns(I, row) && !(slope * slope > GRAZES * T->row_noise[row] * bend))) {
+    if (!weigh_rows(I, row)) return 0;
+    double slope = 0, before = 0, noise = 0;
+    for (long r = 0; r < I->mode_rows; r++) {
+        if (T->weight[r] == 0) continue;
+        slope += T->weight[r] * slopes[r], before += T->weight[r] * earlier[r], noise += T->weight[r] * T->row_noise[r];
+    }
+    double bend = (slope - before) / little; /* what bends down goes through zero, however slowly */
+    if (slope == 0 || (!only_turns(I, row) && !(slope * slope > GRAZES * noise * bend))) {
         note_law(I, &I->grazed, row);
         return 1;
     }
@@ -87,9 +221,13 @@ static int find_delays(Integrator *I, long row, double planned) {
         set_directions(I, change + 1 + I->nx, b, 1);
         run_kernel(&I->row_change, in, T->row_change_c, T->row_change_out, T->work);
         for (long r = first_set(I); r < I->mode_rows; r++) T->row_change_out[r] *= v_all(side_of_row(I, r));
-        for (long l = 0; l < LANES; l++) T->delay[b * LANES + l] = -T->row_change_out[row][l] / slope;
+        V change_of_sum = v_all(0);
+        for (long r = 0; r < I->mode_rows; r++)
+            if (T->weight[r] != 0) change_of_sum = v_fma(v_all(T->weight[r]), T->row_change_out[r], change_of_sum);
+        for (long l = 0; l < LANES; l++) T->delay[b * LANES + l] = -change_of_sum[l] / slope;
+        for (long l = 0; l < LANES && b * LANES + l < I->directions && T->shared; l++) note_falling_apart(I, slopes, b, l);
         for (long r = 0; r < I->mode_rows; r++) {
-            if (I->row_switch[r] == I->row_switch[row] || !(fabs(T->one_row[r]) <= MET * T->row_noise[r])) continue;
+            if (I->row_switch[r] == I->row_switch[row] || is_shared(T, r) || !(fabs(T->one_row[r]) <= MET * T->row_noise[r])) continue;
             for (long l = 0; l < LANES; l++) { /* what vanishes here, too, goes on vanishing together with it, or not */
                 double by = T->row_change_out[r][l], along = slopes[r] * T->delay[b * LANES + l];
                 if (fabs(by + along) > TOGETHER * (fabs(by) + fabs(along))) note_law(I, &I->coincides, r);
