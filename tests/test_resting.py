@@ -217,3 +217,57 @@ def test_a_pushed_box_goes_where_it_is_pushed_from_the_instant_at_which_all_feet
         run = model.simulate(0.7 * T, {place: (0, 0, 0.1 * size)}, rtol=1e-12, samples=2, parameters={scene.mu: mu})
         left = 0.7 - 2 * mu / 9
         assert np.ravel(run[place][-1]) / size == pytest.approx([9 * left**3 / 12, 0, 0.1], abs=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("mu", "angle", "at", "growth", "size"),
+    [(0.2776, 3.105, (-0.066, 0.0516, -0.0746), 17.6, 1.0), (0.7094, 1.7, (0.05, -0.03, -0.02), 14.0, 1e-3)],
+)
+def test_a_box_that_is_pushed_ever_harder_off_its_centre_slides_and_leaves_its_feet_one_by_one(
+    mu: float, angle: float, at: tuple[float, float, float], growth: float, size: float
+) -> None:
+    """Four feet that slide share what they carry in a way of their own, and one that would have to pull bears nothing from then on. Forces of the feet obey their laws and, by quadrature,
+    make the momentum and the spin of the box while it stands on three.
+    """
+    scene, T = ac.System(), np.sqrt(size / G)
+    scene.world, scene.box = World((0, 0, -G)), RigidBody.box(2.0, (0.4 * size, 0.3 * size, 0.2 * size))
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(mu)) for _ in CORNERS]
+    for foot, (x, y) in zip(scene.feet, CORNERS, strict=True):
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((x * size, y * size, -0.1 * size)))
+    way = np.array([np.cos(angle), np.sin(angle), 0])
+    scene.push = Force((growth * G / T * way[0] * ac.time, growth * G / T * way[1] * ac.time, 0))
+    scene.connect(scene.push.point, scene.box.at(tuple(size * np.array(at))))
+    frame = scene.box.frame
+    run = ac.build(scene).simulate(2 * T, {frame.position: (0, 0, 0.1 * size)}, rtol=1e-11, samples=101)
+    pushes, gaps = (
+        np.array([np.ravel(run[value]) for value in values])
+        for values in zip(*((f.normal_force, f.gap) for f in scene.feet), strict=True)
+    )
+    drags = np.array([np.array(run[foot.friction_force]) for foot in scene.feet])
+    weight = 2 * G
+    assert pushes.min() >= 0 and gaps.min() > -1e-14 * size and np.abs(pushes * gaps).max() < 1e-13 * weight * size
+    assert (np.linalg.norm(drags, axis=2) - mu * pushes).max() < 1e-13 * weight
+    assert run.energy_error() < 1e-11
+    instants = sorted({t.time for t in run.transitions if t.time > 0})
+    ends = [*instants, 2 * T]
+    assert len(instants) > 1 and np.sum(np.ravel(run.at([0.5 * (ends[1] + ends[2])])[scene.feet[0].gap]) >= 0)
+    nodes, weights = np.polynomial.legendre.leggauss(90)
+    arms = np.array([(x, y, -0.1) for x, y in CORNERS] + [at]) * size
+    inertia = np.diag([0.3**2 + 0.2**2, 0.4**2 + 0.2**2, 0.4**2 + 0.3**2]) * 2.0 / 12 * size**2
+    for first, last in ((ends[0] + 0.2 * (ends[1] - ends[0]), ends[1]), (ends[1], ends[2])):
+        first, last = first + 1e-9 * (last - first), last - 1e-9 * (last - first)
+        times = 0.5 * (first + last + (last - first) * nodes)
+        during, sides = run.at(times), run.at([first, last])
+        forces = [
+            np.array(during[foot.friction_force]) + np.outer(np.ravel(during[foot.normal_force]), (0, 0, 1))
+            for foot in scene.feet
+        ]
+        forces.append(np.outer(growth * G / T * times, way))
+        places = [during[frame.rotation] @ arm for arm in arms]
+        push = sum(forces) - np.outer(np.ones(len(times)), (0, 0, weight))
+        torque = sum(np.cross(place, force) for place, force in zip(places, forces, strict=True))
+        turned = [R @ inertia @ R.T @ w for R, w in zip(sides[frame.rotation], sides[frame.angular_velocity], strict=True)]
+        gained = 0.5 * (last - first) * np.array([weights @ push, weights @ torque / size])
+        found = np.array([2.0 * (sides[frame.velocity][1] - sides[frame.velocity][0]), (turned[1] - turned[0]) / size])
+        assert found == pytest.approx(gained, abs=1e-9 * weight * T)

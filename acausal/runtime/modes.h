@@ -510,6 +510,50 @@ static void turn_slips(const Decision *D, Room R) {
     }
 }
 
+/* Reactions of rows that depend on one another where the motion depends on how they share what they carry, as of feet that slide: not those that have been found first, but those that rates take in
+   the mode, of least norm. Where one of these would pull it opens, though it does not part from what others hold. What has been found stays where that is no answer. */
+static void share_as_rates_do(const Integrator *I, const Decision *D, const Problem *p, Room R) {
+    long n = D->n, laws = D->gaps + D->frictions, *fixed = R.asked, *found = R.place, *first = I->state->margin_rows, pulls = 0, opened = 0;
+    double *kept = R.floor;
+    const double *carried = I->state->side + carried_of(I) + 1;
+    if (least_pivot(D, R.law, R.work, R.place) == 0) return;
+    memcpy(found, R.law, sizeof(long) * (size_t)laws);
+    memcpy(first, R.law, sizeof(long) * (size_t)laws);
+    memcpy(kept, R.push, sizeof(double) * (size_t)n);
+    for (; opened <= D->gaps && pulls >= 0; opened++) {
+        for (long k = 0; k < laws; k++) fixed[k] = found[k] == STARTS ? AGAINST : found[k];
+        memcpy(R.centre, carried, sizeof(double) * (size_t)n);
+        memcpy(R.push, carried, sizeof(double) * (size_t)n);
+        int ends = 0;
+        double most = 0, least = 0;
+        for (long again = 0; again < UNDAMPED && !ends; again++) {
+            if (!newton_of_laws(p, fixed)) break;
+            double changed = most = 0;
+            for (long i = 0; i < n; i++) {
+                double unit = unit_of(D->W[i * n + i]);
+                changed = fmax(changed, fabs(R.push[i] - R.centre[i]) * unit);
+                most = fmax(most, fabs(R.push[i]) * unit);
+            }
+            memcpy(R.centre, R.push, sizeof(double) * (size_t)n);
+            ends = changed <= FITS * most;
+        }
+        if (!ends) break;
+        pulls = -1;
+        for (long i = 0; i < D->gaps; i++) {
+            double push = R.push[i] * unit_of(D->W[i * n + i]);
+            if (found[i] == HOLDS && carried[i] == 0 && push < fmin(least, -NIL * most)) pulls = i, least = push;
+        }
+        if (pulls < 0) break;
+        found[pulls] = OPENS;
+    }
+    memcpy(R.law, found, sizeof(long) * (size_t)laws);
+    find_rates(p);
+    if (pulls < 0 && opened > 0 && answers(p)) return;
+    memcpy(R.law, first, sizeof(long) * (size_t)laws);
+    memcpy(R.push, kept, sizeof(double) * (size_t)n);
+    find_rates(p);
+}
+
 /* Accelerations, looked at so much later [s], decide which of the rows that touch hold on, and which way friction acts; `roughly`: they hardly tell which way. */
 static enum Code decide_when(Integrator *I, Room R, double planned, double later, int *roughly) {
     struct State *T = I->state;
@@ -553,6 +597,7 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
         if (!begun) break; /* what slips has another limit */
     }
     find_rates(&p);
+    if (I->redundant) share_as_rates_do(I, &D, &p, R);
     for (long f = 0; f < D.frictions; f++) /* not where nothing presses */
         if (R.law[D.gaps + f] == AGAINST && !(limit_of(&p, f) > 0)) R.law[D.gaps + f] = OFF;
     for (long f = 0; f < D.frictions; f++)
