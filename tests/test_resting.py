@@ -10,6 +10,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import linprog
 
 import acausal as ac
+from acausal.errors import SingularWarning
 from components import Coulomb, Force, Particle, PointOnPlane, Prismatic, Revolute, RigidBody, World
 
 G = 9.81
@@ -271,3 +272,17 @@ def test_a_box_that_is_pushed_ever_harder_off_its_centre_slides_and_leaves_its_f
         gained = 0.5 * (last - first) * np.array([weights @ push, weights @ torque / size])
         found = np.array([2.0 * (sides[frame.velocity][1] - sides[frame.velocity][0]), (turned[1] - turned[0]) / size])
         assert found == pytest.approx(gained, abs=1e-9 * weight * T)
+
+
+def test_derivatives_say_where_a_foot_that_bears_nothing_hides_the_instant_at_which_all_give_way() -> None:
+    """What the others then bear jumps as they begin to slide, and a force that vanishes has no direction by which to tell when."""
+    scene, mu = ac.System(), ac.Parameter(0.3)
+    scene.world, scene.box = World((0, 0, -G)), RigidBody.box(2.0, (0.4, 0.3, 0.2))
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(k)) for k in (mu, mu, 0.35, 0.35)]
+    for foot, (x, y) in zip(scene.feet, CORNERS, strict=True):
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((x, y, -0.1)))
+    scene.push = Force((181.2 * ac.time, 45.5 * ac.time, 0))
+    scene.connect(scene.push.point, scene.box.at((-0.048, 0.031, -0.02)))
+    with pytest.warns(SingularWarning, match="Where several hold one another"):
+        ac.build(scene).sensitivities([0.0, 0.04], [mu], {scene.box.frame.position: (0, 0, 0.1)}, rtol=1e-9)

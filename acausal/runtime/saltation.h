@@ -22,10 +22,11 @@ static int make_saltation(Integrator *I) {
     T->input_rate = reserve_doubles(I, I->nu + 1);
     long weighed = first_set(I);
     T->weight = reserve_doubles(I, I->mode_rows + 1);
+    T->flow_before = reserve_doubles(I, I->nx + 1);
     T->unit_of_row = reserve_doubles(I, weighed + 1);
     T->by_carried = reserve_doubles(I, I->redundant ? weighed * n + 2 * weighed * weighed + 3 * weighed : 1);
     T->weighed = reserve(I, sizeof(long) * (size_t)(weighed + 1));
-    if (!I->counted && !(T->weight && T->unit_of_row && T->by_carried && T->weighed)) return 0;
+    if (!I->counted && !(T->weight && T->unit_of_row && T->by_carried && T->flow_before && T->weighed)) return 0;
     return I->counted || (T->delay && T->decided_change && T->impulse_change && T->slopes && T->flow && T->input_rate);
 }
 
@@ -141,7 +142,7 @@ static int weigh_rows(Integrator *I, long row) {
     double *by = T->by_carried, *G = by + first_set(I) * n;
     memset(T->weight, 0, sizeof(double) * (size_t)I->mode_rows);
     T->weight[row] = 1;
-    T->shared = 0;
+    T->shared = T->unshared = 0;
     if (!I->redundant || row >= first_set(I)) return 1;
     if (!rows_by_carried(I, by)) return 0;
     for (long r = 0; r < first_set(I); r++) {
@@ -158,7 +159,11 @@ static int weigh_rows(Integrator *I, long row) {
             for (long j = 0; j < n; j++) G[a * k + b] += by[a * n + j] * by[b * n + j];
         }
     double *y = G + 2 * k * k + 2 * k;
-    if (k < 2 || !find_weights(G, k, y, G + k * k)) return 1;
+    if (k < 2 || !find_weights(G, k, y, G + k * k)) {
+        T->unshared = k < 2 ? 0 : 1 + which[k - 1]; /* as where a force at its limit in a plane vanishes, too */
+        memcpy(T->flow_before, T->flow, sizeof(double) * (size_t)I->nx);
+        return 1;
+    }
     T->weight[row] = 0;
     for (long a = 0; a < k; a++) T->weight[which[a]] = fmax(y[a], 0) / T->unit_of_row[a];
     T->shared = k;
@@ -393,10 +398,26 @@ static void strike_directions(Integrator *I, const Decision *D, const double *im
     }
 }
 
+/* Notes rows that have vanished together at a time that is not known, if that matters: where rates jump. Returns 0 when the input function failed. */
+static int note_unshared(Integrator *I) {
+    struct State *T = I->state;
+    Decision D;
+    long row = T->unshared - 1;
+    T->unshared = 0;
+    if (row < 0) return 1;
+    if (!decision_at(I, I->t, I->x, &D)) return 0;
+    for (long i = 0; i < I->nx; i++) {
+        double most = 0;
+        for (long j = 0; j < D.n; j++) most += fabs(D.J[i * D.n + j]) * T->alone[j];
+        if (fabs(T->flow[i] - T->flow_before[i]) > APART * most) note_law(I, &I->coincides, row);
+    }
+    return 1;
+}
+
 /* Back to a time that does not move, in the new mode. Returns 0 when the input function failed. */
 static int leave_directions(Integrator *I) {
     struct State *T = I->state;
-    if (!rate_at(I, I->t, I->x, T->flow)) return 0;
+    if (!rate_at(I, I->t, I->x, T->flow) || !note_unshared(I)) return 0;
     move_directions(I, T->flow, -1);
     if (I->ng) project_directions(I);
     return 1;

@@ -181,8 +181,8 @@ struct State {
     int *decision_begins;     /* the program of gaps and rates alone; null: there is none */
     double *lemke, *impulse, *push, *later_x, *first_rate; /* work of decisions, see modes.h */
     V *decision_change_in, *decision_change_out, *decision_change_c;
-    double *delay, *decided_change, *impulse_change, *choice_change, *no_change, *slopes, *flow, *input_rate, *weight, *unit_of_row, *by_carried; /* of directions at changes of mode, see saltation.h */
-    long *weighed, shared; /* rows whose weights have been looked for together, and how many */
+    double *delay, *decided_change, *impulse_change, *choice_change, *no_change, *slopes, *flow, *input_rate, *weight, *unit_of_row, *by_carried, *flow_before; /* of directions at changes of mode, see saltation.h */
+    long *weighed, shared, unshared; /* rows whose weights have been looked for together, and how many; counted from one, a row where there are none */
     V *set_in, *set_out, *set_c, *set_change_in, *set_change_out, *set_change_c;
     double *set_side, *set_rows, *set_x, *discrete_change; /* of what is set, see sets.h; changes of discrete values (directions, discretes) */
     double *lock_noise;
