@@ -19,9 +19,9 @@ from acausal.loops.loop_groups import LoopGroup
 from acausal.loops.redundancy import RankReport
 from acausal.loops.second_order import held_to_second_order
 from acausal.loops.walk import Walk
-from acausal.numerics.independent import Independent
+from acausal.numerics.independent import Independent, free_directions
 from acausal.numerics.sizes import positive
-from acausal.numerics.thresholds import SINGULAR
+from acausal.numerics.thresholds import RANK, SINGULAR
 
 _LOOKS = 8
 """Places of a walk that are looked at again with other values."""
@@ -172,6 +172,22 @@ class Examined:
                 self._margins.clear()
             found = self._margins[key] = self._margin(A, walk, float(np.max(walk.noise / scale, initial=0.0)))
         return found
+
+    @functools.cached_property
+    def standing(self) -> tuple[np.ndarray, np.ndarray]:
+        """Places of the group's positions and velocities that its loops hold for good, though others move."""
+        walk, none = self.walk, np.zeros(0, dtype=int)
+        if walk is None or self.timed or len(self.samples) < 2:
+            return none, none
+        positions = np.flatnonzero(np.ptp([q / walk.unit for q in self.samples], axis=0) < RANK)
+        if not positions.size:
+            return none, none
+        rng, scale = np.random.default_rng(6), positive(np.where(walk.empty, np.max(self.scale), self.scale))
+        moves = np.zeros(self.group.v.numel())
+        for q in self.samples:
+            free, _ = free_directions(walk.at(q / walk.unit)[2] / scale[:, None], walk.rank)
+            moves = np.fmax(moves, np.abs(free(rng.normal(size=moves.size))))
+        return positions, np.flatnonzero(moves < RANK)
 
     def _walk(self, values: np.ndarray) -> Walk:
         """With these values of the parameters, as far as the group depends on them; some are kept."""

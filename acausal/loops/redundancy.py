@@ -74,7 +74,7 @@ def needed_rows(kept: tuple[int, ...], jacobians: list[np.ndarray], tolerance: f
     if max(_rank(J, tolerance) for J in scaled) <= len(kept):
         return kept
     together = np.hstack(scaled)
-    return tuple(int(rows[k]) for k in sorted(_pivots(together, _rank(together, tolerance))))
+    return tuple(int(rows[k]) for k in sorted(_pivots([together], _rank(together, tolerance))))
 
 
 def _scaled(jacobians: list[np.ndarray], empty: float) -> list[np.ndarray]:
@@ -96,22 +96,34 @@ def _best_rows(jacobians: list[np.ndarray], rank: int) -> tuple[int, ...]:
     """The choice of rows whose worst smallest singular value over all configurations is largest; greedy where there are many."""
     m = jacobians[0].shape[0]
     if math.comb(m, rank) > _MOST_CHOICES:
-        return _pivots(np.hstack(jacobians), rank)
+        plain = _pivots([np.hstack(jacobians)], rank)
+        if all(_rank(J[list(plain)], INDEPENDENT) == rank for J in jacobians):
+            return plain
+        # rows that depend on one another here and there, each time otherwise, are independent in all places taken together
+        return max(plain, _pivots(jacobians, rank), key=lambda rows: _worst(jacobians, list(rows)))
     choices = [list(rows) for rows in itertools.combinations(range(m), rank)]
-    worst = [min(float(np.linalg.svd(J[rows], compute_uv=False)[-1]) for J in jacobians) for rows in choices]
+    worst = [_worst(jacobians, rows) for rows in choices]
     return tuple(choices[int(np.argmax(np.array(worst) > 0.999 * max(worst)))])
 
 
-def _pivots(J: np.ndarray, rank: int) -> tuple[int, ...]:
-    """Greedy choice of rows with the largest remaining part (Gram-Schmidt with pivoting); earlier rows win ties."""
-    rest = J.copy()
+def _worst(jacobians: list[np.ndarray], rows: list[int]) -> float:
+    """The smallest singular value of these rows over all configurations."""
+    return min(float(np.linalg.svd(J[rows], compute_uv=False)[-1]) for J in jacobians)
+
+
+def _pivots(jacobians: list[np.ndarray], rank: int) -> tuple[int, ...]:
+    """Greedy choice of rows with the largest remaining part, where this is smallest (Gram-Schmidt with pivoting in each matrix); earlier rows win ties."""
+    rests = [J.copy() for J in jacobians]
     chosen: list[int] = []
     for _ in range(rank):
-        norms = np.linalg.norm(rest, axis=1)
+        every = [np.linalg.norm(rest, axis=1) for rest in rests]
+        norms = np.min(every, axis=0)
         best = int(np.argmax(norms > 0.999 * np.max(norms)))
         chosen.append(best)
-        direction = rest[best] / norms[best]
-        for _twice in range(2):
-            rest = rest - np.outer(rest @ direction, direction)
-        rest[chosen] = 0.0
+        for k, (rest, own) in enumerate(zip(rests, every, strict=True)):
+            direction = rest[best] / own[best] if own[best] > 0 else rest[best]
+            for _twice in range(2):
+                rest = rest - np.outer(rest @ direction, direction)
+            rest[chosen] = 0.0
+            rests[k] = rest
     return tuple(chosen)

@@ -130,7 +130,8 @@ class Walk:
         c, J, A, N, _ = (np.max(finite(np.abs(part)), axis=0) for part in map(np.array, zip(*found, strict=True)))
         instead = np.maximum(np.maximum(bent, _lengths_of_rates(A, N, group.turning)), self._inside())
         terms = np.where(own > 0, 0.0, c[:, 0] + self._rounding(guess))
-        self.unit = unknown_sizes(J, group.turning, terms, drawn, instead)
+        loudest = np.max([self._rounding(q) for q in probes], axis=0, initial=0.0) + c[:, 0]
+        self.unit = unknown_sizes(J, group.turning, terms, drawn, instead, loudest)
         self.rate = 1.0 / positive(np.max(N / self.unit[:, None], axis=0, initial=0.0))
         self._rows = row_sizes(J, self.unit, self._rounding(guess) + drawn.sizes, drawn)
         self._drawn = drawn.terms(self._rows) * self._rows

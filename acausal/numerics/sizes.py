@@ -113,12 +113,13 @@ def positive(sizes: np.ndarray) -> np.ndarray:
 
 
 def unknown_sizes(
-    largest: np.ndarray, turning: np.ndarray, terms: np.ndarray, drawn: Drawn, instead: np.ndarray | None = None
-) -> np.ndarray:
+    largest: np.ndarray, turning: np.ndarray, terms: np.ndarray, drawn: Drawn, instead: np.ndarray | None = None,
+    loudest: np.ndarray | None = None,
+) -> np.ndarray:  # fmt: skip
     """What is much for each unknown (n,): 1 where `turning` (n,), which are angles and quaternions.
 
     `largest` (m, n): magnitudes of the derivatives of the rows, the largest at several places; `terms` (m,): sizes of the rows' terms,
-    which count where rows have no lever arms. Unknowns without any of these have the sizes `instead` (n,) where these are positive, or
+    which count where rows have no lever arms; `loudest` (m,): their largest at the places of `largest`, where that is not one place. Unknowns without any of these have the sizes `instead` (n,) where these are positive, or
     the distances in the loops.
     """
     n = turning.size
@@ -129,7 +130,9 @@ def unknown_sizes(
     largest = np.where(faint, 0.0, largest)
     heard = (largest > FAINT * np.max(largest, axis=0, initial=0.0)) & ~turning
     arms = np.max(largest[:, turning], axis=1, initial=0.0)
-    arms = np.where(arms > CLOSED * terms, arms, 0.0)  # others are rounding errors of rows that do not change with angles
+    arms = np.where(
+        arms > CLOSED * (terms if loudest is None else loudest), arms, 0.0
+    )  # others are rounding errors of rows that do not change with angles
     for sources in (arms, terms):
         ratio = np.where(heard, sources[:, None] / np.where(heard, largest, 1.0), 0.0).max(axis=0, initial=0.0)
         ratio = np.where(np.isfinite(ratio), ratio, 0.0)

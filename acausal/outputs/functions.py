@@ -283,13 +283,32 @@ class Functions:
         s = self.outputs.system
         if s.exact is None:
             return None
+        through = Through.NEVER if not s.constraints.singular else Through.SOMETIMES if s.constraints.narrow else Through.ALWAYS
+        return Exact(self.exact_dynamics, self.exact_projection, through, self.space.restricted(self._usual))
+
+    @functools.cached_property
+    def _usual(self) -> np.ndarray:
+        """1 / how much a position or velocity of loops is, beside others; 0 for other states of the system."""
+        s = self.outputs.system
         usual = np.zeros(s.x.numel())
         usual[s.nq : s.nq + s.tree_velocities] = 1 / s.constraints.rates
         for part in s.constraints.examined:
             assert part.walk is not None
             usual[list(part.group.q_places)] = 1 / part.walk.unit
-        through = Through.NEVER if not s.constraints.singular else Through.SOMETIMES if s.constraints.narrow else Through.ALWAYS
-        return Exact(self.exact_dynamics, self.exact_projection, through, self.space.restricted(usual))
+        return usual
+
+    @property
+    def _standing(self) -> np.ndarray | None:
+        """The same, below 0 where loops do not hold a state for good; None where they hold none. Only rounding moves what they hold."""
+        s = self.outputs.system
+        if self.space.coordinates is not None:
+            return None
+        usual, signs = self._usual, -np.ones(s.x.numel())
+        for part in s.constraints.examined:
+            positions, velocities = part.standing
+            signs[np.array(part.group.q_places, dtype=int)[positions]] = 1.0
+            signs[s.nq + np.array(part.group.v_places, dtype=int)[velocities]] = 1.0
+        return self.space.restricted(usual * signs) if (usual * signs > 0).any() else None
 
     def exact_dynamics(self) -> ca.Function:
         """(t, x, u, p) -> x' for arithmetic with twice as many digits, where there is such a function: long, and needed near singular positions only."""
@@ -333,6 +352,7 @@ class Functions:
             held += (ca.Function("invariants", [t, x, u, p], [ca.densify(self.invariants(t, x, p))], [*"txup"], ["c"]),)
         return Integrand(
             rates, self.invariants, self.projection, self.clearance, self.exact, self.space.nq, switching(rates, *held), modes,
+            self._standing,
         )  # fmt: skip
 
     @functools.cached_property

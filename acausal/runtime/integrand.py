@@ -33,6 +33,8 @@ class Integrand:
     positions: int = 0
     switching: Switching | None = None
     modes: ModeFunctions | None = None
+    standing: np.ndarray | None = None
+    """(nx,): what `Exact` says is usual, below 0 for states that loops do not hold for good; None where they hold none."""
 
     @property
     def rates(self) -> Function:
@@ -209,8 +211,8 @@ class Integrand:
 
     @property
     def usual(self) -> np.ndarray | None:
-        """See `Exact`."""
-        return None if self.unheld_exact is None else self.unheld_exact.usual
+        """See `Exact` and `standing`."""
+        return self.standing if self.unheld_exact is None else self.unheld_exact.usual
 
     def guard(self, function: ca.Function) -> Wanted:
         """Guards (t, x, u, p) -> values."""

@@ -122,7 +122,7 @@ typedef struct Integrator {
     long masks, mode_rows, one_sided, lines, planes, patches, magnitudes, redundant, changes_index, discretes, set_count;
     const long *set_direction, *set_first, *set_target;
     const double *discrete_start; /* discrete values at the start; null, or no number: as the kernel says */
-    const double *usual; /* 1 / how much a position or velocity of loops is, beside others; 0 for other states; with exact kernels */
+    const double *usual; /* 1 / how much a position or velocity of loops is, beside others; 0 for other states; without exact kernels below 0 where loops do not hold it for good */
     const Method *method_list;
     const double *parameters;
     int (*input)(void *user, double t, double *u); /* null: `u` does not change, but for what is in tables and formulas */

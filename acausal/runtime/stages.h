@@ -450,7 +450,7 @@ static double least_scale(const Integrator *I, long i, double h) {
     return noise > size ? noise : noise > 0 ? noise * (noise / size) : 0;
 }
 
-/* The least scale of state i where motions pass singular positions: what it is beside others is known to so many digits only. */
+/* The least scale of state i where motions pass singular positions, or where loops hold it for good: what it is beside others is known to so many digits only. */
 static double known_to(const Integrator *I, long i) {
     double whole = i < I->positions ? 1.0 : I->state->speed;
     return I->usual && I->usual[i] > 0 ? KNOWN * whole / I->usual[i] : 0;
@@ -479,7 +479,7 @@ static void set_scale(Integrator *I, double h, double reach) {
     struct State *T = I->state;
     T->unit = I->step > 0 ? 1.0 : I->rtol;
     T->speed = 0;
-    for (long i = I->positions; I->usual && i < I->nx; i++) T->speed = fmax(T->speed, T->size[i] * I->usual[i]);
+    for (long i = I->positions; I->usual && i < I->nx; i++) T->speed = fmax(T->speed, T->size[i] * fabs(I->usual[i]));
     for (long i = 0; i < I->nx; i++) {
         set_scale_of(I, i, h, T->size[i]);
         T->limit[i] = T->size[i] / (PART * reach);
