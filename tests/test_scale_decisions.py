@@ -12,7 +12,7 @@ import acausal as ac
 from acausal import errors
 from acausal.numerics.terms import rounded
 from acausal.start.situation import situation
-from components import Particle, Prismatic, Revolute, RigidBody, Screw, World
+from components import Particle, Planar, Prismatic, Revolute, RigidBody, Screw, World
 from tests.assembly_scenes import closed, two_rods_to_a_driven_pivot
 from tests.scenes import FourBar
 from tests.similar import SCENES, Units
@@ -192,3 +192,20 @@ def test_rounding_errors_stay_below_the_terms():
     exact = np.array([million * a - million * b, a * b * np.sin(thousand * c), np.sqrt(a * a + b * b) - c / a])
     assert np.all(np.abs(got - exact) <= 4 * np.finfo(float).eps * terms)
     assert np.all(terms > 0)
+
+
+@pytest.mark.parametrize(("slope", "size"), [((0, -1, 1), 1.0), ((0, -1, 1), 1e-4), ((1, -1, 0), 1.0), ((3, -4, 1), 1e4)])
+def test_what_two_planes_guide_falls_along_their_line(slope: tuple[float, float, float], size: float) -> None:
+    scene, gravity = ac.System(), size * np.array([3.0, -1.0, -9.0])
+    scene.world, scene.body = World(tuple(gravity)), RigidBody(1.0, size**2 * np.diag([0.2, 0.3, 0.4]), position=(0, size, -size))
+    normals, scene.planes = [np.array([0.0, 1.0, 0.0]), np.array(slope) / np.linalg.norm(slope)], [Planar("z"), Planar("z")]
+    line = np.cross(*normals) / np.linalg.norm(np.cross(*normals))
+    for plane, normal, at in zip(scene.planes, normals, [(1, -1, 0), (0, 1, -1)], strict=True):
+        R = np.column_stack([line, np.cross(normal, line), normal])
+        scene.connect(scene.world.at(tuple(size * np.array(at)), rotation=R), plane.frame_a)
+        scene.connect(plane.frame_b, scene.body.at(tuple(size * (np.array(at) - (0, 1, -1))), rotation=R))
+    model = ac.build(scene)
+    run = model.simulate(1.0, samples=5)
+    fallen = run[scene.body.frame.position] - run[scene.body.frame.position][0]
+    assert np.abs(fallen - run.t[:, None] ** 2 / 2 * (gravity @ line) * line).max() < 1e-12 * size
+    assert model.degrees_of_freedom == 1

@@ -128,7 +128,8 @@ class Walk:
         probes = [guess, *(guess + reach * rng.uniform(-1, 1, guess.size) for _ in range(_PROBES))]
         found = [self._parts(q, time) for q in probes]
         c, J, A, N, _ = (np.max(finite(np.abs(part)), axis=0) for part in map(np.array, zip(*found, strict=True)))
-        instead = np.maximum(np.maximum(bent, _lengths_of_rates(A, N, group.turning)), self._inside())
+        arms = _lengths_of_rates(self._heard(A, N, J, probes), N, group.turning)
+        instead = np.maximum(np.maximum(bent, arms), self._inside())
         terms = np.where(own > 0, 0.0, c[:, 0] + self._rounding(guess))
         loudest = np.max([self._rounding(q) for q in probes], axis=0, initial=0.0) + c[:, 0]
         self.unit = unknown_sizes(J, group.turning, terms, drawn, instead, loudest)
@@ -149,6 +150,19 @@ class Walk:
         """Which unknowns stand in which closing residuals (n, nq)."""
         group = self.symbolic.group
         return ca.DM(ca.jacobian(group.closing, group.q).sparsity(), 1).full() > 0
+
+    def _heard(self, A: np.ndarray, N: np.ndarray, J: np.ndarray, probes: list[np.ndarray]) -> np.ndarray:
+        """The largest coefficients A (m, nv) of the rows in the velocities at these places, without those that are rounding errors: of velocities
+        that no closing residual changes with.
+        """
+        turning, shifts = self.symbolic.group.turning, self.symbolic.group.drawn.shifts
+        silent = ~np.any(J > np.where(shifts, CLOSED, 0.0)[:, None], axis=0) & ~turning
+        heard = A.copy()
+        for k in np.flatnonzero(np.any(N[silent] > 0, axis=0) & ~np.any(N[~silent] > 0, axis=0)):
+            alone = np.eye(A.shape[1])[k]
+            terms = [finite(np.array(self.symbolic.terms(q, alone, self.time, self._values)).ravel()) for q in probes]
+            heard[:, k] = np.where(A[:, k] > CLOSED * np.max(terms, axis=0, initial=0.0), A[:, k], 0.0)
+        return heard
 
     def _bent(self, J: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Lengths of rows (m,) without angles whose slope J at the guess changes with place, as a rod between particles has it, and of the
