@@ -156,7 +156,7 @@ class Walk:
         that no closing residual changes with.
         """
         turning, shifts = self.symbolic.group.turning, self.symbolic.group.drawn.shifts
-        silent = ~np.any(J > np.where(shifts, CLOSED, 0.0)[:, None], axis=0) & ~turning
+        silent = ~np.any(np.where(shifts, CLOSED, 0.0)[:, None] < J, axis=0) & ~turning
         heard = A.copy()
         for k in np.flatnonzero(np.any(N[silent] > 0, axis=0) & ~np.any(N[~silent] > 0, axis=0)):
             alone = np.eye(A.shape[1])[k]
