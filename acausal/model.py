@@ -27,6 +27,7 @@ from acausal.start.anew import AbstractDecided, Decided
 from acausal.start.situation import InputValues, ParameterValues, Situation, StartValues, situation
 from acausal.topology.build_mechanism import build_mechanism
 from acausal.topology.fields import with_field_forces
+from acausal.topology.sockets import with_sockets
 from acausal.wording import compact, counted
 
 if TYPE_CHECKING:
@@ -260,7 +261,7 @@ def build(scene: System) -> Model:
         raise ModelError(
             f"The scene '{flat.name}' has no parts. Assign some: scene.world = World(), scene.rod = RigidBody.rod(...)."
         )
-    flat = with_field_forces(flat)
+    flat = with_sockets(with_field_forces(flat))
     check_parts(flat)
     model = Model(_reduced(flat))
     if model.system.x.numel() == 0 and not model.system.moves_as_given:

@@ -28,6 +28,8 @@ class AbstractJoint(AbstractConstraint, ABC):
     """What it means, for the user, that q is outside of `domain`: a whole sentence."""
     if_singular: ClassVar[str] = "Its pose has no meaning there."
     """The same where `regular` is zero."""
+    socket: AbstractJoint | None = None
+    """Where it ends in a point: the ball joint by which a body hangs there, in turns of its own. None: frame_b is a frame, and holds a body's turns."""
 
     @abstractmethod
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import final
 
 import casadi as ca
@@ -185,8 +186,9 @@ class HardPoint(AbstractHardContact):
         return isinstance(self.place, AbstractPointOver)
 
     def near(self, X_ab: Pose) -> Nearness:
-        if isinstance(self.place, AbstractPointOver):
-            return self.place.nearness()
+        if isinstance(self.place, AbstractPointOver):  # which knows where the point is, not how its body is turned
+            near = self.place.nearness()
+            return replace(near, pose=Pose(X_ab.rotation, near.pose.position))
         p = symbolic(X_ab.position)
         found = self.place.clearance(p)
         if found is None:

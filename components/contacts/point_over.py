@@ -16,12 +16,13 @@ from components.contacts.nearness import End, Nearness
 from components.geometry.curves import AbstractCurve, Prolonged, checked_curve, drawn
 from components.geometry.laws import at_time, changing
 from components.geometry.surfaces import APEX, AbstractSurface, Parallel, checked_surface
+from components.joints.spherical import Spherical
 from components.orientation import Axis, axis_vector
 
 
 class AbstractPointOver(AbstractJoint, ABC):
-    """frame_b, which does not turn, over something of frame_a; its last coordinate is the gap [m], its last velocity the gap's rate. Must provide
-    `directions`, `axes` and `end`.
+    """frame_b, a point, over something of frame_a; its last coordinate is the gap [m], its last velocity the gap's rate. A body at frame_b turns freely,
+    by a `socket` of its own. Must provide `directions`, `axes` and `end`.
     """
 
     directions: ClassVar[int]
@@ -45,7 +46,8 @@ class AbstractPointOver(AbstractJoint, ABC):
 
 @final
 class PointOverSurface(AbstractPointOver):
-    """frame_b at the `gap` [m] over a `surface` of frame_a, on the side of its normal; it does not turn. Three freedoms: nothing is held.
+    """frame_b, a point, at the `gap` [m] over a `surface` of frame_a, on the side of its normal. Three freedoms: nothing is held. A body there turns
+    freely; `socket`: the ball joint by which it does.
 
     q: the surface's coordinates where it is nearest, and the gap. Only as far as the surface's centres of curvature, which `domain` says.
 
@@ -59,7 +61,7 @@ class PointOverSurface(AbstractPointOver):
     v = Variable("", "velocities of the coordinates, and of the gap [m/s]", size=3)
 
     def __init__(self, surface: AbstractSurface) -> None:
-        self.surface = checked_surface(surface, "PointOverSurface")
+        self.surface, self.socket = checked_surface(surface, "PointOverSurface"), Spherical()
         start = (*surface.start, 0.0)
         self._declare("q", "", len(start), start if any(start) else None)
 
@@ -102,7 +104,8 @@ class PointOverSurface(AbstractPointOver):
 
 @final
 class PointOverCurve(AbstractPointOver):
-    """frame_b at the gap [m] over a `curve` of frame_a, across it and across `side`; it does not turn. Two freedoms: only sideways it is held.
+    """frame_b, a point, at the gap [m] over a `curve` of frame_a, across it and across `side`. Two freedoms: only sideways it is held. A body there
+    turns freely; `socket`: the ball joint by which it does.
 
     q: the curve's parameter where it is nearest, and the gap, along the normal x y': x along the curve, y' the direction `side` as far as it is across.
     Only as far as the curve's centres of curvature, which `domain` says. A curve with ends goes on behind them, soon straight, so that a point may fly there.
@@ -120,6 +123,7 @@ class PointOverCurve(AbstractPointOver):
 
     def __init__(self, curve: AbstractCurve, side: Axis = "y") -> None:
         self.curve, self.side = checked_curve(curve, "PointOverCurve"), axis_vector(side, "PointOverCurve's side")
+        self.socket = Spherical()
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
         axes, point, _ = self._over(q[0])

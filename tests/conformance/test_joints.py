@@ -220,8 +220,12 @@ def test_reactions_do_no_work_between_two_bodies(cls, backwards):
     energy = outputs.kinetic_energy + outputs.potential_energy
     f = ca.Function("f", [s.t, s.x], [ca.jtimes(energy, s.x, s.x_dot) + outputs.power_loss, energy])
     rng = np.random.default_rng(5)
-    q, v = random_state(joint, rng)
-    x = np.concatenate([[0.4], q, [0.7], v])
+    chain = [("joint", *random_state(joint, rng))]
+    if joint.socket is not None:  # by which a body turns at its point
+        chain.insert(0 if backwards else 1, ("joint.socket", *random_state(joint.socket, rng)))
+    names = ["hinge", *(name for name, q, _ in chain if q.size)]
+    assert list(dict.fromkeys(name.rpartition(".")[0] for name in model.state_names)) == names
+    x = np.concatenate([[0.4], *(q for _, q, _ in chain), [0.7], *(v for _, _, v in chain)])
     rate, value = f(0.0, x)
     assert abs(float(rate)) < 1e-12 * (1 + abs(float(value)))
 
