@@ -25,10 +25,13 @@ from components import (
     RollingDisk,
     RotationalGround,
     RotationalSpring,
+    SlidingMass,
     Spherical,
     Spring,
     SpringDamper,
     TorqueSource,
+    TranslationalGround,
+    TranslationalSpring,
     UniformField,
     World,
 )
@@ -304,6 +307,17 @@ def test_speeds_of_the_start_that_are_none_of_rest_are_named():
     said = str(model.equilibrium({scene.shoulder.q: 0.2, scene.elbow.v: 8.0}))
     assert "speeds of the start are not kept: elbow.v; for a steady motion" in said
     assert "steady=" not in str(model.equilibrium({scene.shoulder.q: 0.2}))
+
+
+def test_places_of_sliders_and_charges_are_no_speeds():
+    """They are moved as all places are; the speed of a mass is one."""
+    scene = ac.System()
+    scene.ground, scene.spring, scene.mass = TranslationalGround(), TranslationalSpring(10.0, 0.3), SlidingMass(2.0)
+    scene.connect(scene.ground.flange, scene.spring.flange_a)
+    scene.connect(scene.spring.flange_b, scene.mass.flange_a)
+    model = ac.build(scene)
+    assert "not kept" not in str(model.equilibrium({scene.mass.s: 1.0}))
+    assert "speeds of the start are not kept: mass.v;" in str(model.equilibrium({scene.mass.s: 1.0, scene.mass.v: 2.0}))
 
 
 def test_no_equilibrium_is_where_a_part_has_no_meaning():

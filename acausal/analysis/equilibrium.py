@@ -142,8 +142,7 @@ class Equilibrium:
         rows += [f"  {n:<28} {a:>14.8g} -> {b:.8g}" for n, a, b in self.moved[:40]]
         mode = mode_words(self.functions.outputs.system, self.point.u)
         rows += [f"  {mode}"] if mode else []
-        nq = self.whole.outputs.system.nq
-        speeds = {*self.whole.state_names[nq:]} & {name for name, began, _ in self.moved if began}
+        speeds = {*_speeds(self.whole)} & {name for name, began, _ in self.moved if began}
         if speeds and not self.steady.numel():
             lost = compact(name for name in self.whole.state_names if name in speeds)
             rows.append(
@@ -152,6 +151,18 @@ class Equilibrium:
         if self.dimension:
             rows.append(f"  one of a family of dimension {self.dimension}, along {', '.join(self.free[:8])}")
         return "\n".join(rows)
+
+
+def _speeds(functions: Functions) -> list[str]:
+    """Names of the states that are velocities of joints, or rates of others."""
+    system = functions.outputs.system
+    first, count = system.nq, system.tree_velocities
+    rates = {rate.element_hash() for rate in ca.vertsplit(system.x_dot) if rate.is_symbolic()}
+    return [
+        name
+        for k, (name, state) in enumerate(zip(functions.state_names, ca.vertsplit(system.x), strict=True))
+        if k >= first and (k < first + count or state.element_hash() in rates)
+    ]
 
 
 def _all(at: OperatingPoint) -> np.ndarray:
