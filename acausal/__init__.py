@@ -9,6 +9,7 @@ from acausal.language.connector import Electrical, Frame, Point, Rotational, Sig
 from acausal.language.equation import Equation, der, equal
 from acausal.language.expression import Discrete, Expression, Input, Magnitude, Parameter, Reaction, Variable, time
 from acausal.language.impact_laws import Energetic, Newton, Poisson
+from acausal.language.lookup import lookup
 from acausal.language.mode_laws import DryFriction, Lock, OneSided, OneWay, Pressure
 from acausal.language.pieces import samples, with_knots
 from acausal.language.vectors import cross, dot, norm
@@ -74,6 +75,7 @@ __all__ = [
     "integral",
     "kalman",
     "load_c",
+    "lookup",
     "lqr",
     "near",
     "norm",

@@ -5,7 +5,7 @@ CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (ma
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface, ImplicitSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
 Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb, Hard with Coulomb, of a Patch; made of Touching, ContactForce and HardContact), OneSidedPoint (by PointOverSurface, PointOverCurve and HardPoint), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Held and let go: Latch, PointLatch, Gripper. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
-RotationalDamper, Gear, ElasticGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; on flanges of either kind: EndStop, Backlash, Clutch, Brake, Freewheel, Ratchet; along lines: SlidingMass, TranslationalSpring,
+RotationalDamper, Gear, ElasticGear, LossyGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; on flanges of either kind: EndStop, Backlash, ElasticStop, ElasticBacklash, ElasticCoupling, Clutch, Brake, Freewheel, Ratchet; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, ConstantSum, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode, IdealDiode, Thyristor,
 VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, DCMotor, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
 PID, Limiter, Relay, Thermostat, SampleAndHold, RotationSensor, TranslationSensor, CurrentSensor, TorqueSensor, ForceSensor,
@@ -48,6 +48,7 @@ from components.contacts.rough_contact import RoughContact
 from components.contacts.steered_axle import SteeredAxle
 from components.contacts.touching import Touching
 from components.earth import RotatingEarth, Whereabouts
+from components.elastic_flanges import ElasticBacklash, ElasticCoupling, ElasticStop
 from components.electrical import (
     Capacitor,
     CurrentSource,
@@ -66,7 +67,7 @@ from components.forces.air import Drag, MagnusForce, PitchingMoment
 from components.forces.applied import Force, Torque
 from components.forces.bushing import Bushing
 from components.forces.spring import Damper, NonlinearDamper, NonlinearSpring, Spring, SpringDamper
-from components.gears import ElasticGear, PlanetaryGear, RackAndPinion
+from components.gears import ElasticGear, LossyGear, PlanetaryGear, RackAndPinion
 from components.geometry.curves import Circle, Helix, Line, ParametricCurve, SplineCurve
 from components.geometry.implicit import ImplicitSurface
 from components.geometry.shapes import ConvexShape, Disk, Ellipsoid
@@ -181,8 +182,11 @@ __all__ = [
     "Diode",
     "Disk",
     "Drag",
+    "ElasticBacklash",
     "ElasticBelt",
+    "ElasticCoupling",
     "ElasticGear",
+    "ElasticStop",
     "ElectromotiveForce",
     "Ellipsoid",
     "EndStop",
@@ -217,6 +221,7 @@ __all__ = [
     "Limiter",
     "Line",
     "LineOfAction",
+    "LossyGear",
     "MagnusForce",
     "MutualGravitation",
     "NonlinearDamper",

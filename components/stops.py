@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable
 from typing import final
 
@@ -69,7 +70,7 @@ class EndStop(AbstractLimits):
             raise ParameterError(f"EndStop has neither 'lower' nor 'upper' ({origin()}). Give one of its ends, or both.")
         self._limit(lower, upper, restitution)
         if self._lower is not None and self._upper is not None:
-            _above(self._upper, self._lower)
+            above(self._upper, self._lower, "EndStop")
 
 
 @final
@@ -88,12 +89,12 @@ class Backlash(AbstractLimits):
         self._limit(-0.5 * self.width, 0.5 * self.width, restitution)
 
 
-def _above(upper: float | Expression, lower: float | Expression) -> None:
+def above(upper: float | Expression, lower: float | Expression, name: str) -> None:
     """Raises `ParameterError` unless upper > lower, also by the values of parameters."""
-    asked(upper - lower, _check_order)
+    asked(upper - lower, functools.partial(_check_order, name=name))
 
 
-def _check_order(play: float) -> None:
+def _check_order(play: float, name: str) -> None:
     if not play > 0:
         how = f"{-play:g} below" if play < 0 else "at"
-        raise ParameterError(f"EndStop's upper is {how} its lower ({origin()}). Exchange them, or leave one out.")
+        raise ParameterError(f"{name}'s upper is {how} its lower ({origin()}). Exchange them, or leave one out.")

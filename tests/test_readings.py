@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from typing import Any
 
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import solve_ivp
-from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator, make_interp_spline
+from scipy.integrate import quad, solve_ivp
+from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator, UnivariateSpline, interp1d, make_interp_spline
 
 import acausal as ac
 from acausal.language.expression import formula
@@ -469,6 +470,50 @@ def test_interpolants_of_casadi_are_formulas(kind, dimensions):
     places = rng.uniform(-1.5, 2.5, (dimensions, 200))
     found, wanted = (np.array(ca.Function("f", [x], [e])(places)).ravel() for e in (shown, 2 * table(x) + ca.sin(x[0])))
     assert np.max(np.abs(found - wanted)) < 1e-10 * np.max(np.abs(wanted))
+
+
+CURVES: dict[str, Callable[..., Any]] = {
+    "cubic": CubicSpline, "pchip": PchipInterpolator, "akima": Akima1DInterpolator, "b-spline": make_interp_spline, "linear": interp1d, "periodic":
+    lambda x, y: CubicSpline(x, np.append(y[:-1], y[0]), bc_type="periodic"), "samples": lambda x, y: ac.samples(x, y, "cubic"),
+    "smoothed": lambda x, y: UnivariateSpline(x, y, s=1.0), "columns": lambda x, y: CubicSpline(x, np.column_stack([y, -y**2])),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("curve", CURVES.values(), ids=CURVES)
+def test_curves_of_scipy_are_looked_up_at_expressions(curve):
+    """The same numbers as scipy's, where data are, and beyond where it gives any."""
+    rng = np.random.default_rng(4)
+    points = np.sort(rng.uniform(-1, 2, 9))
+    found, x = curve(points, rng.normal(size=9)), ca.SX.sym("x")
+    read = ca.Function("read", [x], [ac.lookup(found, ac.Expression(2 * x, frozenset())).sx])
+    places = rng.uniform(-2, 3, 100)
+    if isinstance(found, interp1d):
+        places = places[(places >= points[0]) & (places <= points[-1])]
+    wanted = np.array([found(place) for place in places])
+    np.testing.assert_allclose(
+        np.array([read(place / 2) for place in places]).reshape(wanted.shape), wanted, rtol=1e-9, atol=1e-9
+    )
+
+
+def test_rotor_runs_up_by_a_curve_of_its_speed():
+    """As its time says: the integral of inertia over torque."""
+    curve = PchipInterpolator([0, 50, 100, 200, 400], [10, 12, 11, 6, 0.5])
+    scene = ac.System()
+    scene.rotor = Inertia(0.5)
+    scene.motor = TorqueSource(ac.lookup(curve, scene.rotor.w))
+    scene.connect(scene.motor.flange, scene.rotor.flange_a)
+    end = sum(quad(lambda w: 0.5 / curve(w), a, b, epsabs=1e-12)[0] for a, b in itertools.pairwise([0, 50, 100, 200, 300]))
+    run = ac.build(scene).simulate(end, {scene.rotor.w: 0.0}, rtol=1e-11)
+    assert run[scene.rotor.w][-1] == pytest.approx(300.0, rel=1e-10)
+
+
+def test_what_is_no_curve_of_one_variable_is_refused_and_curves_that_are_called_are_told_of():
+    curve = CubicSpline([0, 1, 2], [0, 1, 0])
+    for given, at, said in ((3, ac.time, "no curve"), (curve, ca.SX.sym("x", 2), "one variable")):
+        with pytest.raises(ac.errors.ParameterError, match=said):
+            ac.lookup(given, at)
+    with pytest.raises(ac.errors.ExpressionError, match=r"ac\.lookup"):
+        curve(Inertia(1.0).w)
 
 
 NUMPY: dict[str, Callable[..., Any]] = {

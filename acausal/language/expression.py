@@ -90,7 +90,7 @@ class Expression:
         raise ExpressionError(
             f"{self!r} is symbolic and cannot become an array of numbers ({origin()}). Of numpy, elementary functions take it (np.sin, "
             "np.sqrt ...); otherwise use CasADi's, e.g. ca.norm_2(...), or ca.vertcat(...) to put entries together. A spline of scipy is given to an "
-            "ac.Input as its course, inputs={scene.u: spline}, or made of CasADi's, ca.interpolant(...)."
+            "ac.Input as its course, inputs={scene.u: spline}, and looked up at an expression by ac.lookup(spline, scene.shaft.w)."
         )
 
     def __add__(self, other: Scalar) -> Expression:

@@ -82,7 +82,7 @@ class NonlinearSpring(AbstractLineForce):
 
     def __init__(self, potential: Callable[[ca.SX], ca.SX]) -> None:
         length = ca.SX.sym("length")
-        self.law = _tried(potential, "NonlinearSpring's potential", "length", length)
+        self.law = tried(potential, "NonlinearSpring's potential", "length", length)
         if not ca.depends_on(self.law.sx, length):
             raise ParameterError(f"NonlinearSpring's potential must be a function of the length ({origin()}).")
         self._potential = potential
@@ -103,7 +103,7 @@ class NonlinearDamper(AbstractLineForce):
     """
 
     def __init__(self, force: Callable[[ca.SX, ca.SX], ca.SX]) -> None:
-        self.law = _tried(force, "NonlinearDamper's force", "length, rate", ca.SX.sym("length"), ca.SX.sym("rate"))
+        self.law = tried(force, "NonlinearDamper's force", "length, rate", ca.SX.sym("length"), ca.SX.sym("rate"))
         self._force = force
 
     def tension(self, length: ca.SX, rate: ca.SX) -> ca.SX:
@@ -113,7 +113,7 @@ class NonlinearDamper(AbstractLineForce):
         return ca.SX(0)
 
 
-def _tried(law: Callable[..., Any], what: str, arguments: str, *values: ca.SX) -> Expression:
+def tried(law: Callable[..., Any], what: str, arguments: str, *values: ca.SX) -> Expression:
     """The law of symbols, with the parameters in it. Raises `ParameterError` for what is no function, or none of these symbols, or gives no scalar."""
     try:
         found = law(*values)
