@@ -14,7 +14,7 @@ from acausal.start.start_problem import start_problem
 from acausal.visual.scene import animation_of
 from acausal.visual.shapes import Disk, Torus
 from acausal.visual.shapes import Rod as Bar
-from components import Particle, Prismatic, RigidBody, Rod, World
+from components import Particle, Prismatic, Revolute, RigidBody, Rod, World
 from tests.scenes import DoublePendulum, FourBar, bennett_linkage
 from tests.test_minimal import rolling_ball
 
@@ -73,6 +73,28 @@ def test_a_rod_without_mass_is_drawn_between_its_ends():
     w, x, y, z = rod.quaternions.T
     tip = rod.positions + bar.end[2] * np.column_stack([2 * (x * z + w * y), 2 * (y * z - w * x), 1 - 2 * (x**2 + y**2)])
     np.testing.assert_allclose(tip, run.at(seen.times)[scene.bead.point.position], atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-4, 1.0, 1e5])
+def test_arms_lead_to_joints_outside_of_shapes_and_to_none_within(size):
+    """A pendulum's ball hangs on one from its centre, a link of three joints has one from its bar, a box that is hinged at its edge none."""
+    scene = ac.System()
+    scene.world, scene.hinges = World(), [Revolute("y") for _ in range(3)]
+    scene.ball = RigidBody.ball(1.0, 0.1 * size)
+    scene.bar = RigidBody.rod(1.0, (2.0 * size, 0, 0), radius=0.02 * size)
+    scene.box = RigidBody.box(1.0, (0.4 * size, 0.2 * size, 0.3 * size))
+    scene.connect(scene.world.frame, scene.hinges[0].frame_a)
+    scene.connect(scene.hinges[0].frame_b, scene.bar.frame)
+    scene.connect(scene.bar.at((0.5 * size, 0, 0.7 * size)), scene.hinges[1].frame_a)
+    scene.connect(scene.hinges[1].frame_b, scene.ball.at((0, 0, size)))
+    scene.connect(scene.bar.tip, scene.hinges[2].frame_a)
+    scene.connect(scene.hinges[2].frame_b, scene.box.at((0.2 * size, 0.05 * size, -0.15 * size)))
+    drawn = {body.name: body.shapes for body in animation_of(ac.build(scene).simulate(0.01)).bodies}
+    for name, ends in (("ball", ((0, 0, 0), (0, 0, size))), ("bar", ((0.5 * size, 0, 0), (0.5 * size, 0, 0.7 * size)))):
+        [_, arm] = drawn[name]
+        assert isinstance(arm, Bar)
+        np.testing.assert_allclose((arm.start, arm.end), ends, atol=1e-12 * size)
+    assert len(drawn["box"]) == 1
 
 
 def test_a_hoop_is_a_ring_and_a_disk_is_not():

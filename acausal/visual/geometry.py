@@ -17,6 +17,7 @@ from acausal.visual.shapes import (
     Shape,
     Sphere,
     Torus,
+    Vector,
     Wire,
 )
 
@@ -44,6 +45,32 @@ def support_points(shape: Shape, directions: np.ndarray, thickness: float = 0.0)
     """
     R = np.array(shape.rotation, dtype=float)
     return np.array(shape.position, dtype=float) + _support(shape, directions @ R, thickness) @ R.T
+
+
+def outside(shape: Shape, place: np.ndarray) -> tuple[float, np.ndarray]:
+    """How far a `place` (3,) [m] is outside of a shape, 0 within, and the point (3,) of its middle that is nearest, both in the body's frame: of bars along
+    their axis, else the centre. Of a solid as far as is told by the directions of its axes, across these, and from its centre.
+    """
+    R, p = np.array(shape.rotation, dtype=float), np.array(shape.position, dtype=float)
+    own = R.T @ (place - p)
+    middle = np.zeros(3)
+    if isinstance(shape, Rod | Arrow):
+        start, along = np.array(shape.start), np.array(shape.end) - np.array(shape.start)
+        middle = start + np.clip((own - start) @ along / max(float(along @ along), _TINY), 0.0, 1.0) * along
+        return max(float(np.linalg.norm(own - middle)) - (shape.radius or 0.0), 0.0), p + R @ middle
+    if isinstance(shape, Polygon | Wire | Plane):
+        return 0.0, p  # made of such places, or of no end
+    axes = np.eye(3)
+    if isinstance(shape, Cylinder | Disk | Torus):
+        axes = np.array(shape.axis, dtype=float)[None, :] / max(float(np.linalg.norm(shape.axis)), _TINY)
+    u = np.array([own, *axes, *-axes, *(own - axes * (axes @ own)[:, None])])
+    u = u / np.maximum(np.linalg.norm(u, axis=1, keepdims=True), _TINY)
+    return max(float(np.max(u @ own - np.sum(u * _support(shape, u, 0.0), axis=1))), 0.0), p
+
+
+def vector_of(place: np.ndarray) -> Vector:
+    """As shapes have them."""
+    return float(place[0]), float(place[1]), float(place[2])
 
 
 def _support(shape: Shape, u: np.ndarray, thickness: float) -> np.ndarray:

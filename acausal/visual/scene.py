@@ -22,10 +22,13 @@ from acausal.parts.rigid import AbstractGround, AbstractRigidPart
 from acausal.parts.span import AbstractSpan
 from acausal.parts.steps import Ball, Shift, Slide
 from acausal.visual.animation import Animation, JointMarker, MovingBody, MovingLink, Trail, rotated
+from acausal.visual.geometry import outside, vector_of
 from acausal.visual.shapes import Polygon, Rod, Shape, Wire
 from acausal.wording import compact
 
 _MOST_FRAMES = 3000
+_BESIDE = 0.02
+"""Of a body's size: how far outside of its shapes a place is that an arm leads to."""
 _ARROW = 0.25
 """Of the scene's size: the longest arrow of a force."""
 
@@ -123,7 +126,8 @@ def _bodies(run: Motion) -> tuple[MovingBody, ...]:
             if isinstance(component, AbstractGround) or not isinstance(component, AbstractRigidPart):
                 continue
             names.append(part.path)
-            shapes.append(component.shapes() or _skeleton(component, run.outputs))
+            own = component.shapes()
+            shapes.append((*own, *_arms(component, own, run.outputs)) if own else _skeleton(component, run.outputs))
             poses.append(mechanics.kinematics.pose(link) @ place @ pose)
     edges = [item.edge for item in mechanics.tree.joints]
     for edge in (*edges, *mechanics.mechanism.cuts):
@@ -157,10 +161,27 @@ def _bar(name: str, start: np.ndarray, end: np.ndarray) -> MovingBody:
     return MovingBody(name, (Rod((0.0, 0.0, 0.0), (0.0, 0.0, float(np.max(length)))),), start, _quaternions(R))
 
 
+def _connected(part: AbstractRigidPart, outputs: Outputs) -> list[np.ndarray]:
+    """Places where a part is connected, of those that no parameter moves."""
+    used = {c for group in outputs.system.flat.connection_sets if len(group) > 1 for c in group}
+    return [np.asarray(a.pose.position, dtype=float) for a in part.attachments() if a.connector in used and a.pose.is_constant]
+
+
+def _arms(part: AbstractRigidPart, shapes: tuple[Shape, ...], outputs: Outputs) -> tuple[Shape, ...]:
+    """Bars to the places outside of its shapes where a part is connected, each from the shape that is nearest."""
+    found: list[Shape] = []
+    for place in _connected(part, outputs):
+        reach = [outside(shape, place) for shape in shapes]
+        near, start = min(reach, key=lambda item: item[0])
+        size = max(float(np.max(np.abs(start))), float(np.max(np.abs(place))))
+        if near > _BESIDE * size:
+            found.append(Rod(vector_of(start), vector_of(place)))
+    return tuple(dict.fromkeys(found))
+
+
 def _skeleton(part: AbstractRigidPart, outputs: Outputs) -> tuple[Shape, ...]:
     """Lines between the places where a part without a shape is connected."""
-    used = {c for group in outputs.system.flat.connection_sets if len(group) > 1 for c in group}
-    points = [np.asarray(a.pose.position, dtype=float) for a in part.attachments() if a.connector in used and a.pose.is_constant]
+    points = _connected(part, outputs)
     extent, unique = float(np.max(np.abs(points), initial=0.0)), list[tuple[float, float, float]]()
     for p in points:
         if not any(np.allclose(p, u, rtol=EDGE, atol=EDGE * extent) for u in unique):
