@@ -1,7 +1,7 @@
 """The catalogue of parts.
 
 Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Section), FlexibleBody (by ShapeIntegrals). Joints: Revolute, Prismatic, Cylindrical, Screw, Universal, Spherical, Planar,
-CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets and pulleys: Pulley; Tangent, CommonTangent, RopeOverWheels), Belt (open, crossed, elastic, slipping; StiffBelt, ElasticBelt, SlippingBelt), Rope (taut or slack; LimitedSum), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Plate, Sphere,
+CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets and pulleys: Pulley; Tangent, CommonTangent, RopeOverWheels), Tendon (TotalLength), Belt (open, crossed, elastic, slipping; StiffBelt, ElasticBelt, SlippingBelt), Rope (taut or slack; LimitedSum), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Plate, Sphere,
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface, ImplicitSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
 Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb, Hard with Coulomb, of a Patch; made of Touching, ContactForce and HardContact), OneSidedPoint (by PointOverSurface, PointOverCurve and HardPoint), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
 SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Held and let go: Latch, PointLatch, Gripper. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
@@ -17,7 +17,7 @@ from acausal.language import construction as _construction
 from components.amplifier import OperationalAmplifier
 from components.belt import Belt, ElasticBelt, SlippingBelt, StiffBelt
 from components.bodies import Fixed, Particle, RigidBody
-from components.cable import Cable, ConstantSum, LineOfAction
+from components.cable import Cable, ConstantSum, LineOfAction, Tendon, TotalLength
 from components.cam import CamFollower
 from components.clutches import Brake, Clutch, Freewheel
 from components.contacts.ball_on_surface import RollingBallOnSurface
@@ -299,6 +299,7 @@ __all__ = [
     "Sum",
     "Table",
     "Tangent",
+    "Tendon",
     "Thermostat",
     "Thyristor",
     "TimeFunction",
@@ -306,6 +307,7 @@ __all__ = [
     "TorqueSensor",
     "TorqueSource",
     "Torus",
+    "TotalLength",
     "Touching",
     "TranslationSensor",
     "TranslationalDamper",

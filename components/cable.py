@@ -100,6 +100,54 @@ class Cable(System):
         return self.tie.tension
 
 
+@final
+class TotalLength(Component):
+    """The sum of the positions of any number of flanges as a slide of its own: s of `flange` = s_1 + s_2 + ...; what pushes there pushes at each. Made by
+    `Tendon`.
+
+        scene.sum = TotalLength(2); scene.connect(scene.sum.flanges[0], scene.left.flange)
+    """
+
+    flange = Translational.port()
+
+    def __init__(self, number: int) -> None:
+        self.flanges = own_flanges(self, number)
+
+    def equations(self) -> Iterable[Equation]:
+        yield equal(self.flange.s, sum((port.s for port in self.flanges[1:]), 1.0 * self.flanges[0].s))
+        for port in self.flanges:
+            yield equal(port.f, -1.0 * self.flange.f)
+
+
+@final
+class Tendon(System):
+    """The way of a rope from frame_a to frame_b as a slide: s of `flange` is its length [m], f > 0 makes it longer. No mass, no freedom less: a muscle, a
+    winch or a spring is what is connected to the flange, and acts on all that the rope runs over.
+
+    `over`: points or frames of other parts, through which it slides smoothly, and pulleys without a wheel (`Pulley`), around which its arcs count. An
+    elastic rope that goes slack is ElasticStop(tendon.flange, upper=length, law=HuntCrossley(stiffness, exponent=1)). One that does not stretch is a Cable.
+
+        scene.tendon = Tendon(over=(scene.arm.at((0.28, 0, 0.04)),))
+        scene.muscle = ForceSource(-20.0); scene.connect(scene.muscle.flange, scene.tendon.flange)
+    """
+
+    frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
+    frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
+    flange = Translational.port()
+
+    def __init__(self, over: Sequence[Point | Pulley] = ()) -> None:
+        places: list[Point | Pulley] = [self.frame_a, *run_over(over, "Tendon"), self.frame_b]
+        if any(isinstance(place, Pulley) and place.wheel for place in places):
+            raise ParameterError(
+                f"A Tendon's pulleys have no wheels ({origin()}): its pull is the same all along. Leave the wheel out, or take a Cable."
+            )
+        self.pieces = [piece_between(self, a, b) for a, b in itertools.pairwise(places)]
+        self.total = TotalLength(len(self.pieces))
+        for piece, port in zip(self.pieces, self.total.flanges, strict=True):
+            self.connect(piece.flange, port)
+        self.connect(self.flange, self.total.flange)
+
+
 def own_flanges(part: Component, number: int) -> tuple[Translational, ...]:
     """So many flanges of a part. Raises `ParameterError`."""
     if isinstance(number, bool) or not isinstance(number, int) or number < 1:  # pyright: ignore[reportUnnecessaryIsInstance]

@@ -73,8 +73,8 @@ class AbstractElasticLimits(AbstractOnFlanges, ABC):
 
 @final
 class ElasticStop(AbstractElasticLimits):
-    """Ends that yield for a flange, a gap with a spring behind it: nothing between `lower` and `upper` [m or rad], either may be left out, and beyond them the push of
-    a `law`, HuntCrossley(stiffness, damping, exponent), never a pull.
+    """Ends that yield for a flange, a gap with a spring behind it: nothing between `lower` and `upper` [m or rad], either may be left out, and beyond
+    them the push of a `law`, HuntCrossley(stiffness, damping, exponent), never a pull.
 
     `at_lower` and `at_upper` [N or N*m], both >= 0, are how hard the ends push. The law's stiffness is in N/m^exponent or N*m/rad^exponent; with the
     exponent 1 it is that of a spring. Stores what the law stores, dissipates stiffness depth^exponent damping depth'^2. One that does not yield is an EndStop.

@@ -50,7 +50,8 @@ class PlanetaryGear(Component):
     """Sun, ring and carrier on one axis: phi_sun + ratio phi_ring = (1 + ratio) phi_carrier; planets without mass. Two freedoms.
 
     `ratio` > 0: teeth of the ring per tooth of the sun. tau_ring = ratio tau_sun, tau_carrier = -(1 + ratio) tau_sun, so that torques and
-    powers sum to zero. R. Willis, Principles of Mechanism (1841), the formula of epicyclic trains.
+    powers sum to zero. With the ratio 1 it is a differential: its cage the carrier, sun and ring its two shafts. R. Willis, Principles of
+    Mechanism (1841), the formula of epicyclic trains.
 
         scene.gear = PlanetaryGear(ratio=100 / 50)
     """
@@ -90,16 +91,18 @@ class ElasticGear(System):
 
 @final
 class LossyGear(Component):
-    """A gear without mass whose teeth rub on one another by what they carry: of the power that drives it at flange_a the part `efficiency` comes out at
-    flange_b, and of what drives it at flange_b `back_efficiency` at flange_a. It holds where that takes less.
+    """A gear without mass whose teeth rub by what they carry: the part `efficiency` of the power that flange_a is driven with comes out at flange_b,
+    and `back_efficiency` of what flange_b is driven with at flange_a. Where the teeth can hold, it sticks.
 
-    phi_a = ratio phi_b, ratio (tau_a + loss) + tau_b = 0. `ratio` is not zero, 0 < `efficiency` <= 1; `back_efficiency`, as much unless given, is below 1,
-    and so is `efficiency` then. Where it is 0 or less, as of many worms, the gear holds itself: flange_b cannot turn it, however hard it is driven, and
-    flange_a has to drive it in either sense. Numbers, parameters, or expressions, such as of the speed. A bearing that rubs whatever it carries is a Brake beside it.
+    phi_a = ratio phi_b, ratio (tau_a + loss) + tau_b = 0. `ratio` is not zero, 0 < `efficiency` <= 1; `back_efficiency`, as much unless given, is below
+    1, and so is `efficiency` then. Where it is 0 or less, as of many worms, the gear holds itself: flange_b cannot turn it, however hard it is driven,
+    and flange_a has to drive it in either sense. Numbers, parameters, or expressions, such as of the speed. A bearing that rubs whatever it
+    carries is a Brake beside it.
 
     `loss` [N*m] drives flange_a forward, against its slip: Coulomb's friction, at most mu times what the teeth carry, |tau_a + share loss|, with
-    mu = 2 (1 - e) (1 - b) / (1 - e b) and share = (1 - b (2 - e)) / (2 (1 - e) (1 - b)), e and b the efficiencies. Dissipates -loss der(phi_a). These are the
-    torques of C. Pelchen, C. Schweiger and M. Otter, Modeling and Simulating the Efficiency of Gearboxes and of Planetary Gearboxes, 2nd Modelica Conference (2002).
+    mu = 2 (1 - e) (1 - b) / (1 - e b) and share = (1 - b (2 - e)) / (2 (1 - e) (1 - b)), e and b the efficiencies. Dissipates -loss der(phi_a). These
+    are the torques of C. Pelchen, C. Schweiger and M. Otter, Modeling and Simulating the Efficiency of Gearboxes and of Planetary Gearboxes, 2nd
+    Modelica Conference (2002).
 
         scene.worm = LossyGear(ratio=40, efficiency=0.6, back_efficiency=0.3)
     """

@@ -8,7 +8,18 @@ from scipy.integrate import solve_ivp
 
 import acausal as ac
 from acausal.errors import ParameterError
-from components import Brake, ForceSource, Inertia, LossyGear, RackAndPinion, SlidingMass, TorqueSource
+from components import (
+    Brake,
+    ForceSource,
+    Inertia,
+    LossyGear,
+    RackAndPinion,
+    Revolute,
+    RigidBody,
+    SlidingMass,
+    TorqueSource,
+    World,
+)
 
 
 class Drive(ac.System):
@@ -85,6 +96,22 @@ def test_speeds_by_what_comes_out_of_what_is_put_in_whichever_way_it_is_driven()
     assert held >= 2 and back >= 2
 
 
+def test_two_in_a_row_without_anything_between_are_one_with_the_products_of_both():
+    drive = 2.0 * -3.0, 0.8 * 0.9, 0.7 * 0.6, np.array([2.0, -40.0]), np.array([0.2, 3.0])
+    scene = ac.System()
+    scene.motor, scene.load = map(Inertia, drive[4])
+    scene.gears = [LossyGear(2.0, 0.8, 0.7), LossyGear(-3.0, 0.9, 0.6)]
+    scene.torques = [TorqueSource(torque) for torque in drive[3]]
+    scene.connect(scene.torques[0].flange, scene.motor.flange_a)
+    scene.connect(scene.motor.flange_b, scene.gears[0].flange_a)
+    scene.connect(scene.gears[0].flange_b, scene.gears[1].flange_a)
+    scene.connect(scene.gears[1].flange_b, scene.load.flange_a)
+    scene.connect(scene.load.flange_b, scene.torques[1].flange)
+    model = ac.build(scene)
+    for w in (3.0, -3.0):
+        assert model.simulate(2.0, {scene.motor.w: w})[scene.motor.w][-1] == pytest.approx(speed(w, 2.0, *drive), abs=1e-9)
+
+
 @pytest.mark.parametrize(("e", "b"), [(0.9, None), (0.6, 0.3), (0.8, 0.9)])
 def test_power_comes_out_by_the_efficiency_of_that_way(e, b):
     """Of a winch that lifts and lowers a load at constant speed."""
@@ -113,6 +140,27 @@ def test_worm_holds_its_load_whatever_that_is_and_gives_way_to_its_motor():
     run = ac.build(scene).simulate(1.5, {scene.motor.w: 0.0})
     [slips] = run.transitions
     assert slips.time == pytest.approx(1.0, rel=1e-9) and run[scene.motor.w][-1] > 1.0
+
+
+def test_arm_needs_of_its_motor_what_the_teeth_leave_over_or_give_back():
+    """Inverse dynamics: the gear is driven by whichever side has the power."""
+    ratio, e, b, rotor = 20.0, 0.8, 0.6, 1e-3
+    scene = ac.System()
+    scene.world, scene.hinge, scene.rod = World(), Revolute("y"), RigidBody.rod(2.0, (1.0, 0, 0))
+    scene.gear, scene.rotor, scene.torque = LossyGear(ratio, e, b), Inertia(rotor), ac.Input("N*m")
+    scene.motor = TorqueSource(scene.torque)
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.rotor.flange_b, scene.gear.flange_a)
+    scene.connect(scene.gear.flange_b, scene.hinge.flange)
+    scene.connect(scene.motor.flange, scene.rotor.flange_a)
+    t = np.linspace(0.1, 3.0, 12)
+    found = ac.build(scene).inverse_dynamics(t, {scene.hinge.q: 0.9 * np.sin(2 * ac.time)}, [scene.torque]).series[:, 0]
+    q, v, a = 0.9 * np.sin(2 * t), 1.8 * np.cos(2 * t), -3.6 * np.sin(2 * t)
+    out = (2 / 3 * a - 9.81 * np.cos(q)) / ratio
+    part = np.where(out * v > 0, e, 1 / b)
+    assert 0 < np.mean(out * v > 0) < 1
+    np.testing.assert_allclose(found, out / part + rotor * ratio * a, rtol=1e-9)
 
 
 def test_efficiency_by_speed_and_a_bearing_that_rubs_beside_it():

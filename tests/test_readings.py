@@ -9,7 +9,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
-from scipy.integrate import quad, solve_ivp
+from scipy.integrate import cumulative_simpson, quad, solve_ivp
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator, UnivariateSpline, interp1d, make_interp_spline
 
 import acausal as ac
@@ -21,11 +21,13 @@ from components import (
     AngleSource,
     Bushing,
     Cable,
+    Coulomb,
     Force,
     ForceSensor,
     Gain,
     Inertia,
     Integrator,
+    JointFriction,
     NonlinearSpring,
     Particle,
     Prismatic,
@@ -38,6 +40,7 @@ from components import (
     SlidingMass,
     Spherical,
     Spring,
+    SpringDamper,
     Torque,
     TorqueSource,
     World,
@@ -470,6 +473,41 @@ def test_interpolants_of_casadi_are_formulas(kind, dimensions):
     places = rng.uniform(-1.5, 2.5, (dimensions, 200))
     found, wanted = (np.array(ca.Function("f", [x], [e])(places)).ravel() for e in (shown, 2 * table(x) + ca.sin(x[0])))
     assert np.max(np.abs(found - wanted)) < 1e-10 * np.max(np.abs(wanted))
+
+
+def test_energies_and_powers_of_single_forces_are_read_and_add_up():
+    scene = ac.System()
+    scene.world, scene.particle, scene.hinges = World(), Particle(0.5), [Revolute("y"), Revolute("x")]
+    scene.upper, scene.lower = RigidBody.rod(1.0, (1, 0, 0)), RigidBody.rod(1.0, (1, 0, 0.2))
+    for hinge, before, body in (
+        (scene.hinges[0], scene.world.frame, scene.upper),
+        (scene.hinges[1], scene.upper.tip, scene.lower),
+    ):
+        scene.connect(before, hinge.frame_a)
+        scene.connect(hinge.frame_b, body.frame)
+    k, natural, c = 20.0, 1.0, 0.7
+    scene.strut, scene.push = SpringDamper(k, natural, c), Force(lambda t: (ca.sin(t), 0, 1.0))
+    scene.mount = Bushing((3.0, 4.0, 5.0, 6.0, 7.0, 8.0), (0.1, 0.2, 0.3, 0.4, 0.5, 0.6))
+    scene.bearing = JointFriction(scene.hinges[0], Coulomb(0.2), radius=0.1)
+    scene.connect(scene.lower.tip, scene.strut.point_a)
+    scene.connect(scene.particle.point, scene.strut.point_b)
+    scene.connect(scene.push.point, scene.upper.tip)
+    scene.connect(scene.world.at((1, 1, 0)), scene.mount.frame_a)
+    scene.connect(scene.lower.frame, scene.mount.frame_b)
+    begin = {
+        scene.hinges[0].v: 1.0,
+        scene.hinges[1].v: 2.0,
+        scene.particle.point.position: (3.0, 1, 0),
+        scene.particle.point.velocity: (0, 0, 0),
+    }
+    run = ac.build(scene).simulate(1.0, begin, rtol=1e-10, samples=2001)
+    lost = sum(run[part.dissipated_power()] for part in (scene.strut, scene.push, scene.mount, scene.bearing))
+    np.testing.assert_allclose(run.energy + cumulative_simpson(lost, x=run.t, initial=0), run.energy[0], atol=1e-5)
+    far = run[scene.particle.point.position] - run[scene.lower.tip.position]
+    moves = run[scene.particle.point.velocity] - run[scene.lower.tip.velocity]
+    length = np.linalg.norm(far, axis=1)
+    np.testing.assert_allclose(run[scene.strut.stored_energy()], 0.5 * k * (length - natural) ** 2, rtol=1e-9)
+    np.testing.assert_allclose(run[scene.strut.dissipated_power()], c * (np.sum(far * moves, axis=1) / length) ** 2, rtol=1e-9)
 
 
 CURVES: dict[str, Callable[..., Any]] = {

@@ -16,6 +16,7 @@ from acausal.language.connector import Point, Quantity
 from acausal.language.expression import Derivative, Expression, Input, Parameter, Reaction, Symbol, Time
 from acausal.loops.loops import relative_twist
 from acausal.loops.reactions import Reactions
+from acausal.parts.force import AbstractForce
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import symbolic
 from acausal.reduce.reduce import ReducedSystem
@@ -189,6 +190,8 @@ class Outputs:
         found: list[tuple[ca.SX, ca.SX, ca.SX]] = []
         unsteady = self.system.u
         for part in (p.component for p in self.system.flat.parts):
+            if isinstance(part, AbstractForce):  # of mechanics
+                continue
             stored = self.said(part.stored_energy())
             if law_changes(part):
                 stored = ca.SX(0) if unsteady.numel() and ca.depends_on(stored, unsteady) else stored
@@ -231,7 +234,11 @@ class Outputs:
             return found
         if isinstance(symbol, Quantity):
             return f"{self.system.flat.connector_paths.get(symbol.connector, '?')}.{symbol.name}"
-        return symbol.name
+        at = next(
+            (path for end, path in self.system.flat.connector_paths.items() if any(symbol is own for own in vars(end).values())),
+            None,
+        )
+        return symbol.name if at is None else f"{at}.{symbol.name}"  # at a connector of a system
 
     def is_angle(self, value: Expression) -> bool:
         """Whether it is the angle of a cut joint, which a relative pose gives only up to full turns."""

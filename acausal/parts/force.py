@@ -12,8 +12,9 @@ from acausal.arguments import shown
 from acausal.errors import ModelError
 from acausal.language.component import Component
 from acausal.language.connector import Point
-from acausal.language.expression import sx
+from acausal.language.expression import Expression, sx
 from acausal.language.origin import origin
+from acausal.parts.as_read import AsRead, as_read
 from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
 
@@ -58,6 +59,16 @@ class AbstractForce(Component, ABC):
     @abstractmethod
     def power_loss(self, placement: Placement) -> ca.SX:
         """Power that leaves the mechanical energy [W], scalar: dissipated minus supplied."""
+
+    @final
+    def stored_energy(self) -> Expression:
+        """Its potential energy [J], to be read of a run."""
+        return as_read(ca.SX(self.potential_energy(AsRead())))
+
+    @final
+    def dissipated_power(self) -> Expression:
+        """Its `power_loss` [W], to be read of a run: less than zero where it drives."""
+        return as_read(ca.SX(self.power_loss(AsRead())))
 
     def shapes(self) -> tuple[Any, ...]:
         """What to draw; see `acausal.visual.shapes`."""

@@ -129,7 +129,8 @@ class Moment:
 @dataclass(frozen=True, eq=False)
 class Change:
     """What one part did: from `old` to `new` ("open", "closed", "sticks", "slides +" along its slip, "slides -", "off"; "free", "held"), struck by `impulse` (one number, or
-    two) [`unit`], in which `energy_lost` became heat [J]. Or what was set: a variable in place of the part, from number to number."""
+    two) [`unit`], in which `energy_lost` became heat [J]; of several struck at once their sum did, and each has
+    its share by the mean of its speeds before and after. Or what was set: a variable in place of the part, from number to number."""
 
     part: str
     old: str
