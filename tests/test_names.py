@@ -168,3 +168,5 @@ def test_what_is_read_of_contacts_is_told_by_its_name_and_not_by_its_formula() -
     foot = scene.foot
     told = [run.label(reading) for reading in (foot.gap, foot.normal_force, foot.slip[1], foot.point_a)]
     assert told == [f"foot.force_part.{name}" for name in ("gap", "normal_force", "slip[1]", "point_a")]
+    for label, reading in zip(told, (foot.gap, foot.normal_force, foot.slip[1], foot.point_a), strict=True):
+        assert np.array_equal(run[label], run[reading])

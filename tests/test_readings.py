@@ -506,6 +506,14 @@ def test_energies_and_powers_of_single_forces_are_read_and_add_up():
     far = run[scene.particle.point.position] - run[scene.lower.tip.position]
     moves = run[scene.particle.point.velocity] - run[scene.lower.tip.velocity]
     length = np.linalg.norm(far, axis=1)
+    np.testing.assert_allclose(run[scene.strut.distance], length, rtol=1e-12)
+    np.testing.assert_allclose(
+        run[scene.strut.pull], k * (length - natural) + c * np.sum(far * moves, axis=1) / length, rtol=1e-9
+    )
+    np.testing.assert_allclose(run[scene.strut.pull], np.sum(run[scene.strut.point_b.force] * far, axis=1) / length, rtol=1e-9)
+    assert run.label(scene.strut.pull) == "strut.pull" and run.label(scene.strut.distance) == "strut.distance"
+    with pytest.raises(ac.errors.UnknownVariableError, match=r"'tension' of SpringDamper .* read scene\.spring\.pull"):
+        run[scene.strut.tension]
     np.testing.assert_allclose(run[scene.strut.stored_energy()], 0.5 * k * (length - natural) ** 2, rtol=1e-9)
     np.testing.assert_allclose(run[scene.strut.dissipated_power()], c * (np.sum(far * moves, axis=1) / length) ** 2, rtol=1e-9)
 

@@ -163,7 +163,7 @@ class FlatSystem:
             seat, path = own[0]
             turned = f", {path}.rotation" if isinstance(seat, Frame) else ""
             return f" No joint of the scene holds {body}: say {path}.position{turned}, {path}.velocity, or give it a joint of its own, Free()."
-        return nearest(name, self.names.values()) or f" It has: {compact(self.names.values())}."
+        return nearest(name, self.names.values()) or f" It has: {compact(self.names.values() or self.connector_paths.values())}."
 
     def symbols(self, given: Any) -> Any:
         """What a user gives, one, a list, or a dictionary's keys, with names replaced by what they stand for."""
@@ -182,10 +182,10 @@ class FlatSystem:
         return next((connector for connector, own in self.connector_paths.items() if own == path), None)
 
     def _quantity(self, name: str) -> Expression | None:
-        """`path.of.connector.quantity`."""
+        """`path.of.connector.quantity`, or `path.of.part.reading`."""
         path, _, last = name.rpartition(".")
-        connector = self.connector(path)
-        found = getattr(connector, last, None) if connector is not None and last.isidentifier() else None
+        owner = self.connector(path) or next((part.component for part in self.parts if part.path == path), None)
+        found = getattr(owner, last, None) if owner is not None and last.isidentifier() and last[0] != "_" else None
         return found if isinstance(found, Expression) else None
 
     @functools.cached_property

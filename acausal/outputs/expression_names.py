@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from acausal.language.connector import Quantity
+from acausal.language.component import Component
+from acausal.language.connector import Point, Quantity
 from acausal.language.expression import Expression, Symbol, leaves, sx
 from acausal.numerics.thresholds import EDGE
 from acausal.parts.contact import AbstractTouch
+from acausal.parts.force import AbstractLineForce
 from acausal.wording import entry_names
 
 if TYPE_CHECKING:
@@ -23,24 +25,33 @@ def expression_name(outputs: Outputs, wanted: Expression | ca.SX) -> str:
     """Of the whole, e.g. `arm.elbow.q`, `floor.push.normal_force` or `(2*arm.elbow.q)`; cut off where it is long."""
     if isinstance(wanted, Symbol):
         return outputs.name(wanted)
-    return _of_touch(outputs, wanted) or _cut(_spelled(outputs, wanted))
+    return _of_part(outputs, wanted) or _cut(_spelled(outputs, wanted))
 
 
 _OF_TOUCH = ("gap", "normal_force", "slip", "force", "friction_force", "point_b", "point_a", "normal", "pivoting")
 """What is read of contacts, by formulas."""
+_OF_LINE = ("distance", "pull")
+"""The same of springs and dampers between points."""
 
 
-def _of_touch(outputs: Outputs, wanted: Expression | ca.SX) -> str:
-    """What of a contact this is, whole or an entry; empty where it is nothing of that kind. Formulas are the same where random numbers give the same."""
+def _readings(part: Component) -> tuple[tuple[str, ...], tuple[Point, ...]]:
+    """What is read of a part by formulas, and its ends; none of others than contacts and line forces."""
+    if isinstance(part, AbstractTouch):
+        return _OF_TOUCH, part.ends()
+    return (_OF_LINE, (part.point_a, part.point_b)) if isinstance(part, AbstractLineForce) else ((), ())
+
+
+def _of_part(outputs: Outputs, wanted: Expression | ca.SX) -> str:
+    """What of a contact or a line force this is, whole or an entry; empty where it is nothing of that kind. Formulas are the same where random numbers give the same."""
     if not isinstance(wanted, Expression):
         return ""
     ends = {leaf.connector for leaf in wanted.leaves if isinstance(leaf, Quantity)}
     for part in outputs.system.flat.parts:
-        touch = part.component
-        if not isinstance(touch, AbstractTouch) or ends.isdisjoint(touch.ends()):
+        readings, own = _readings(part.component)
+        if ends.isdisjoint(own):
             continue
-        for name in _OF_TOUCH:
-            found: Expression = getattr(touch, name)
+        for name in readings:
+            found: Expression = getattr(part.component, name)
             if wanted.leaves != found.leaves:
                 continue
             if wanted.shape == found.shape and _same(wanted.sx, found.sx):

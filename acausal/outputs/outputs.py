@@ -6,6 +6,7 @@ import copy
 import functools
 from collections.abc import Hashable, Iterable
 from dataclasses import dataclass, replace
+from inspect import ismethod
 from typing import Any
 
 import casadi as ca
@@ -163,9 +164,14 @@ class Outputs:
         if isinstance(value, ca.SX):
             return self._opened_raw(value)
         if not isinstance(value, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+            said = (
+                f"The method '{value.__name__}' of {value.__self__!r} is not a variable. Of springs and dampers read scene.spring.pull and .distance, of"
+                " other parts"
+                if ismethod(value)
+                else f"{value!r} is not a variable or an expression of variables. Use"
+            )
             raise UnknownVariableError(
-                f"{value!r} is not a variable or an expression of variables. Use the scene's own, e.g. scene.hinge.q, "
-                "scene.rod.tip.position, or 2 * scene.hinge.v."
+                f"{said} the scene's own, e.g. scene.hinge.q, scene.rod.tip.position, or 2 * scene.hinge.v."
             )
         result = value.sx
         for leaf in sorted(value.leaves, key=lambda s: s.name):

@@ -12,6 +12,7 @@ from acausal.arguments import shown
 from acausal.errors import ModelError
 from acausal.language.component import Component
 from acausal.language.connector import Point
+from acausal.language.equation import der
 from acausal.language.expression import Expression, sx
 from acausal.language.origin import origin
 from acausal.parts.as_read import AsRead, as_read
@@ -117,6 +118,17 @@ class AbstractLineForce(AbstractForce, ABC):
     @abstractmethod
     def potential(self, length: ca.SX) -> ca.SX:
         """Energy stored [J] at a length [m]; the part of `tension` without `rate` is its derivative."""
+
+    @property
+    def distance(self) -> Expression:
+        """Of its ends [m]."""
+        return as_read(self.length(AsRead()))
+
+    @property
+    def pull(self) -> Expression:
+        """With which its ends pull each other [N], negative when it pushes."""
+        far = self.distance
+        return as_read(ca.SX(self.tension(far.sx, der(far).sx)))
 
     @final
     def length(self, placement: Placement) -> ca.SX:

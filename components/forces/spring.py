@@ -17,7 +17,7 @@ from acausal.parts.force import AbstractLineForce
 class Spring(AbstractLineForce):
     """Linear spring between two points: tension = stiffness (length - natural_length).
 
-    `stiffness` [N/m] >= 0, `natural_length` [m] >= 0. Stores stiffness (length - natural_length)^2 / 2.
+    `stiffness` [N/m] >= 0, `natural_length` [m] >= 0. Stores stiffness (length - natural_length)^2 / 2. `pull` [N] and `distance` [m] are read of it.
     The ends must not coincide unless natural_length is 0.
 
         scene.spring = Spring(stiffness=100.0, natural_length=0.5)

@@ -27,8 +27,9 @@ class PointOnCurve(AbstractJoint):
     q: the curve's parameter, v = q'. A particle sits on frame_b; a body's point does with a Spherical between. The curve moves as frame_a does:
     on a free body, on a PrescribedMotion; by numbers that are expressions of `ac.time` it also changes its shape. It holds on both sides.
 
-    `unilateral`: a track that is left and landed on, see OneSidedPoint. It holds on the side of the normal, across the curve (x) and across `side`, a direction
-    of frame_a: x y', so that on a track that runs along x with `side` "y" the point is above. Sideways it stays. Off its end a point flies on.
+    `unilateral`: a track that is left and landed on, see OneSidedPoint; a body whose point does so turns freely. It holds on the side of the normal,
+    across the curve (x) and across `side`, a direction of frame_a: x y', so that on a track that runs along x with `side` "y" the point is above.
+    Sideways it stays. Off its end a point flies on.
     `restitution`: 0 (no bounce) ... 1 (no loss). `friction`: Coulomb(...), if any: by that push alone; where it holds on both sides by the force across, of
     two components, see RoughGuide.
 

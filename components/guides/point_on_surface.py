@@ -27,8 +27,9 @@ class PointOnSurface(AbstractJoint):
     between. The surface moves as frame_a does; by numbers that are expressions of `ac.time` it also changes its shape (not an ImplicitSurface). It
     holds on both sides.
 
-    `unilateral`: it holds on the side of the normal only; the point leaves it and strikes it again, see OneSidedPoint. `restitution`: 0 (no bounce) ... 1
-    (no loss). `friction`: Coulomb(...), if any; where it holds on both sides by the normal force of either sign, see RoughGuide.
+    `unilateral`: it holds on the side of the normal only; the point, of a particle or of a body that turns freely, leaves it and strikes it again, see
+    OneSidedPoint. `restitution`: 0 (no bounce) ... 1 (no loss). `friction`: Coulomb(...), if any; where it holds on both sides by the normal force of
+    either sign, see RoughGuide.
 
         scene.bowl = PointOnSurface(HeightField(lambda x, y: x**2 + y**2))
     """
