@@ -400,6 +400,42 @@ def test_a_least_time_that_is_nearly_solved_says_how_far_it_is() -> None:
     assert abs(best.duration - 3 * np.pi) < best.cost_error < 2e-2
 
 
+def least_time_of_a_swing(far: float) -> float:
+    """From rest so far off to rest at zero, of a unit mass on a unit spring, by a force between -1 and 1: x + i v turns about the force; the first turn is about -1, the last one comes to
+    zero, and between them are half turns (Pontryagin et al.: The Mathematical Theory of Optimal Processes, 1962, section 5).
+    """
+    for halves in range(20):
+        center = (-1.0) ** halves
+
+        def first_ends(last: float, center: float = center, halves: int = halves) -> complex:
+            z = center - center * np.exp(1j * last)
+            for k in range(halves):
+                z = 2 * center * (-1.0) ** (k + 1) - z
+            return z
+
+        def off(last: float, ends: Callable[[float], complex] = first_ends) -> float:
+            return abs(ends(last) + 1) - (far + 1)
+
+        if off(0.0) * off(np.pi) <= 0:
+            last = cast(float, brentq(off, 0.0, np.pi, xtol=1e-14))
+            return float(-np.angle(first_ends(last) + 1) % (2 * np.pi)) + halves * np.pi + last
+    raise AssertionError(far)
+
+
+@pytest.mark.parametrize("far", [5.0, 6.5])
+def test_least_times_are_found_that_are_longer_than_the_guess(far: float) -> None:
+    """A swing against a force that holds it at a fifth of its width: nothing is as short as the guess."""
+    scene = Oscillator()
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.5, 30), parameters={scene.damping: 0.0})
+    ocp.start({scene.rail.q: far})
+    ocp.end({scene.rail.q: 0.0, scene.rail.v: 0.0})
+    ocp.bound(scene.force, -1, 1)
+    ocp.minimise(ocp.duration)
+    best = ocp.solve()
+    assert best.duration == pytest.approx(least_time_of_a_swing(far), abs=1e-4)
+    assert best.iterations < 700
+
+
 def test_a_search_that_would_cost_too_much_gives_what_it_has(monkeypatch: pytest.MonkeyPatch) -> None:
     """And how good that is: full force and brake, with a switch between two nodes."""
     scene = Sledge()

@@ -30,12 +30,12 @@ from components import (
 
 
 class Hopper(ac.System):
-    """A body on a leg that pushes, above the ground."""
+    """A body on a leg that pushes, above the ground; its lengths, masses and times are so many times those of one."""
 
-    def __init__(self, restitution: float = 0.0) -> None:
+    def __init__(self, restitution: float = 0.0, length: float = 1.0, mass: float = 1.0, time: float = 1.0) -> None:
         self.force = ac.Input("N")
-        self.world, self.rail, self.leg = World(gravity=(0, 0, -9.81)), Prismatic("z"), Prismatic("z")
-        self.body, self.foot = Particle(2.0), Particle(0.2)
+        self.world, self.rail, self.leg = World(gravity=(0, 0, -9.81 * length / time**2)), Prismatic("z"), Prismatic("z")
+        self.body, self.foot = Particle(2.0 * mass), Particle(0.2 * mass)
         self.motor, self.ground = ForceSource(self.force), PointOnPlane(unilateral=True, restitution=restitution)
         self.connect(self.world.frame, self.rail.frame_a)
         self.connect(self.rail.frame_b, self.foot.point)
@@ -403,6 +403,58 @@ def test_what_swaps_begins_where_the_other_ended() -> None:
     over.link(step, step, swapped)
     x = over.solve(4)[0].x
     assert x[:, 0] == pytest.approx(x[[1, 0, 3, 2], -1], abs=1e-8)
+
+
+def rod_that_swings_over(length: float, mass: float, time: float) -> ac.Phases:
+    """A rod below a body on a vertical rail, its tip on the ground: all lengths, masses and times are so many times those of one."""
+    scene = ac.System()
+    scene.torque = ac.Input("N m")
+    scene.world, scene.rail, scene.hinge = World(gravity=(0, 0, -9.81 * length / time**2)), Prismatic("z"), Revolute("y")
+    scene.body, scene.rod = RigidBody.ball(2.0 * mass, 0.09 * length), RigidBody.rod(mass, (0, 0, -0.9 * length))
+    scene.motor, scene.ground = TorqueSource(scene.torque), PointOnPlane(unilateral=True)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.body.frame)
+    scene.connect(scene.rail.frame_b, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.motor.flange, scene.hinge.flange)
+    scene.connect(scene.world.frame, scene.ground.frame_a)
+    scene.connect(scene.ground.frame_b, scene.rod.tip)
+    over = ac.OptimalControl(ac.build(scene), 0.7 * time, modes={scene.ground: "closed"})
+    over.start({scene.hinge.q: ac.free(0.4, 0.6, 0.48), scene.hinge.v: ac.free()})
+    over.minimise(ac.integral(scene.torque**2))
+    swings, q, v = ac.phases(over), scene.hinge.q, scene.hinge.v
+    swings.link(over, over, {scene.rail.q: scene.rail.q, scene.rail.v: scene.rail.v, q: -q, v: -v})
+    return swings
+
+
+def hopper(length: float, mass: float, time: float) -> ac.Phases:
+    """Over and over, likewise."""
+    scene, force = Hopper(0.0, length, mass, time), mass * length / time**2
+    model = ac.build(scene)
+    stance = ac.OptimalControl(model, ac.free(0.1 * time, time), modes={scene.ground: "closed"})
+    flight = ac.OptimalControl(model, ac.free(0.1 * time, time))
+    for phase in (stance, flight):
+        phase.bound(scene.force, -10 * force, 200 * force)
+        phase.bound(scene.leg.q, 0.4 * length, 0.8 * length)
+        phase.minimise(ac.integral(scene.force**2))
+    fast = 5 * length / time
+    stance.start({scene.rail.q: 0, scene.leg.q: ac.free(0.4 * length, 0.8 * length), scene.leg.v: ac.free(-fast, fast)})
+    flight.at(0.5, {scene.rail.q: 0.3 * length})
+    hop = ac.phases(stance, flight)
+    hop.link(flight, stance)
+    return hop
+
+
+@pytest.mark.parametrize(("length", "mass", "time"), [(4.0**-5, 4.0**-4, 2.0**-5), (256.0, 64.0, 4.0)])
+@pytest.mark.parametrize(("problem", "intervals"), [(rod_that_swings_over, 6), (hopper, 5)])
+def test_similar_scenes_are_searched_alike(problem: Any, intervals: int, length: float, mass: float, time: float) -> None:
+    """In metres, millimetres and kilometres, in grams and tons, slow and fast: powers of two change no digit on the way."""
+    one, other = (problem(*sizes).solve(intervals, refinements=0) for sizes in ((1.0, 1.0, 1.0), (length, mass, time)))
+    unit = mass * length ** (2 if problem is rod_that_swings_over else 1) / time**2  # of what is driven
+    assert other.iterations == one.iterations
+    assert other.cost == pytest.approx(one.cost * unit**2 * time, rel=1e-12)
+    for mine, its in zip(one.phases, other.phases, strict=True):
+        assert its.defects == pytest.approx(mine.defects, rel=1e-3, abs=1e-9)
 
 
 @pytest.mark.parametrize(("length", "lean", "time"), [(0.9, 0.4, 0.7), (0.02, 0.5, 0.1)])

@@ -27,8 +27,12 @@ _FEIGNED = 5e-3
 _HOPELESS = 300
 """Iterations, after which another guess is given up."""
 _BRIEFLY = {"ipopt.max_iter": _HOPELESS}
+_ROUGHLY = {**_BRIEFLY, "ipopt.acceptable_iter": 3}
+"""How a search goes that found nothing before: so many iterates one after the other that are nearly as good are enough."""
 _LOST = ("Error_In_Step_Computation", "Restoration_Failed", "Search_Direction_Becomes_Too_Small")
 """What the solver says where it lost its way among numbers."""
+_LATER = (4.0, np.inf)
+"""Times the guess: how long motions are at first, where in that time none was found; as long as they may be."""
 _STEADILY, _ANEW = {"ipopt.mu_strategy": "monotone"}, 2
 """How a search goes on from where it lost its way, and how often."""
 _BESIDE, _LOWER = 1e-2, 1e-6
@@ -106,6 +110,24 @@ class Searches:
         parts = [replace(attempt.parts[0], guess=guess)]
         return self._made(parts, attempt.problem, attempt.refined, _BRIEFLY, warm=False, begin=begin)
 
+    def timely(self, attempt: Attempt) -> Attempt:
+        """The same, where it found nothing: at first in a time that is held, longer than that of the guess, and from there. A search that shortens a motion before it is one ends where
+        none is so short.
+        """
+        program, bounds = attempt.problem.program, attempt.problem.program.bounds
+        durations = [begin + one.layout.tail for begin, one in zip(attempt.problem.begins, attempt.problem.parts, strict=True)]
+        open_ones = [k for k in durations if bounds[0, k] < bounds[1, k]]
+        if attempt.success or not open_ones:
+            return attempt
+        for longer in _LATER:
+            held, begin = bounds.copy(), program.guess.copy()
+            begin[open_ones] = held[:, open_ones] = np.minimum(longer * program.guess[open_ones], bounds[1, open_ones])
+            options = {**_BRIEFLY, **self._options}
+            w, *_, stats = self._search(attempt.problem, options, warm=False, begin=begin, bounds=held, solvers=self._solvers)
+            if stats["success"]:
+                return self._made(attempt.parts, attempt.problem, attempt.refined, _BRIEFLY, warm=True, begin=w)
+        return attempt
+
     def anew(self, attempt: Attempt) -> Attempt:
         """The same, where it lost its way: from where that was, with multipliers that know nothing of the way."""
         for _ in range(_ANEW):
@@ -165,9 +187,10 @@ class Searches:
             again = self._search(problem, {**_BRIEFLY, **options}, warm=False, begin=beside)
             if again[1] < cost - _LOWER * problem.program.unit:
                 w, cost, factors, gaps, stats = again
-        if warm and not stats["success"] and stats["return_status"] != INTERRUPTED:  # not so near: as from afar
+        near_guess = warm and begin is None
+        if near_guess and not stats["success"] and stats["return_status"] != INTERRUPTED:  # not so near: as from afar
             w, cost, factors, gaps, stats = self._search(problem, options, warm=False)
-        elif warm and stats["success"] and _rose(problem, cost):  # nor this: it left what it began at
+        elif near_guess and stats["success"] and _rose(problem, cost):  # nor this: it left what it began at
             again = self._search(problem, options, warm=False)
             if (again[-1]["success"] and again[1] < cost) or again[-1]["return_status"] == INTERRUPTED:
                 w, cost, factors, gaps, stats = again
@@ -200,8 +223,8 @@ class Searches:
     def _near(self, problem: Whole) -> tuple[np.ndarray, float]:
         """Unknowns of the best motions near the guesses, and about how far their cost is from the least one; infinite where there are none. Nobody counts that."""
         w = problem.program.guess
-        for warm in (True, False):
-            w, _, _, gaps, stats = search(problem.program, self._plugin, {**_BRIEFLY, **self._options}, warm=warm)
+        for warm, how in ((True, _BRIEFLY), (False, _BRIEFLY), (True, _ROUGHLY)):
+            w, _, _, gaps, stats = search(problem.program, self._plugin, {**how, **self._options}, warm=warm)
             if stats["return_status"] == INTERRUPTED:
                 raise KeyboardInterrupt
             if stats["return_status"] == CONVERGED:

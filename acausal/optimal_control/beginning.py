@@ -54,9 +54,10 @@ def _begun(
     refinements: int,
 ) -> Attempt:
     """Where the mesh lies, others are tried on one of half its intervals' lengths, or half of these."""
-    first = base = _true(searches, searches.on(parts))
+    first = _true(searches, searches.on(parts))
     if not first.success and bottomless(first.problem, first.cost):
         return first
+    first = base = searches.timely(first)
     if not others and not first.feigned:
         return searches.anew(first)
     tried, work = [first], 0

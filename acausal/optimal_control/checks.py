@@ -27,7 +27,7 @@ def check_given(asked: Asked, given: Sequence[Limits], units: np.ndarray, first:
     stage = asked.stage
     if asked.start is None or not np.isfinite(asked.start).all():
         return
-    x = closed(stage, asked.start[None, :], np.zeros(1), first.duration, first.free, np.ones(asked.start.size))[0]
+    x = closed(stage, asked.start[None, :], np.zeros(1), first.duration, first.free, units)[0]
     z = np.concatenate([x, np.zeros(stage.width - x.size), [first.duration], first.free])
     for limits in given:
         value, slope = (np.array(part) for part in stage.slopes(stage.put(limits.value))(z, [0.0, 0.0]))

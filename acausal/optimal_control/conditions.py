@@ -73,7 +73,7 @@ def beside(stage: Stage, z: np.ndarray, much: np.ndarray, at: float) -> np.ndarr
     """A point a little away from `z` with its loops closed: at rest, stretched or straight up slopes vanish that do not elsewhere."""
     nx, moved = stage.sizes[0], z + 0.03 * much * np.random.default_rng(0).uniform(-1, 1, z.size)
     moved[nx:] = z[nx:]
-    moved[:nx] = closed(stage, moved[None, :nx], np.array([at]), z[stage.width], z[stage.width + 1 :], np.ones(nx))[0]
+    moved[:nx] = closed(stage, moved[None, :nx], np.array([at]), z[stage.width], z[stage.width + 1 :], much[:nx])[0]
     return moved
 
 

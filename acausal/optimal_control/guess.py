@@ -14,7 +14,7 @@ from acausal.optimal_control.turning import product, spins, turning_path
 if TYPE_CHECKING:
     from acausal.simulate.trajectory import Trajectory
 
-_HELD = 1e-3
+HELD = 1e-3
 """How easily coordinates move that are told how to."""
 _CLOSINGS = 20
 """Newton steps for each point of the path, at most."""
@@ -82,10 +82,11 @@ def path_guess(
     if where.size == 2 and not steady and not _rolls(stage):
         _turn(stage, x, times, duration, free, sought, around)
     x[:, :nq] += bend
-    x[:, :nq] = closed(stage, x, times, duration, free, np.where(turned, _HELD, 1.0))[:, :nq]
+    much = units[: x.shape[1]]
+    x[:, :nq] = closed(stage, x, times, duration, free, np.where(turned, HELD, 1.0) * much)[:, :nq]
     t = times * duration
-    x = _moving(stage, x, t, free, duration, sought, steady=steady)
-    x = closed(stage, x, times, duration, free, np.ones(x.shape[1]), fresh=False)
+    x = _moving(stage, x, t, free, duration, sought, much, steady=steady)
+    x = closed(stage, x, times, duration, free, much, fresh=False)
     return Guess(times, _driven(stage, x, times, duration, free, units), duration, free)
 
 
@@ -134,7 +135,7 @@ def _arguments(stage: Stage, x: np.ndarray, duration: float, free: np.ndarray) -
 def closed(
     stage: Stage, x: np.ndarray, times: np.ndarray, duration: float, free: np.ndarray, easy: np.ndarray, *, fresh: bool = True
 ) -> np.ndarray:
-    """States (n, nx) with their loops closed, those rather that are `easy` (nx,) to move; each goes on from the one before where it is `fresh`."""
+    """States (n, nx) with their loops closed, those rather that are `easy` (nx,) to move, in units of each; each goes on from the one before where it is `fresh`."""
     rows, positions = stage.invariants
     if not rows.numel():
         return x
@@ -148,28 +149,44 @@ def closed(
         for _ in range(_CLOSINGS):
             gap, slope = (np.array(part) for part in stage.closing(_arguments(stage, found[k], duration, free), [times[k], 0.0]))
             change = np.zeros(nx)
-            change[:nq] = easy[:nq] * np.linalg.lstsq(slope[:positions, :nq] * easy[:nq], -gap[:positions, 0], rcond=1e-10)[0]
-            change[nq:] = np.linalg.lstsq(
-                slope[positions:, nq:], -gap[positions:, 0] - slope[positions:, :nq] @ change[:nq], rcond=1e-10
-            )[0]
+            change[:nq] = _least(slope[:positions, :nq], -gap[:positions, 0], easy[:nq])
+            change[nq:] = _least(slope[positions:, nq:], -gap[positions:, 0] - slope[positions:, :nq] @ change[:nq], easy[nq:])
             found[k] += change
-            if np.max(np.abs(change)) <= 1e-12 * np.max(np.abs(found[k])):
+            if np.max(np.abs(change / easy)) <= 1e-12 * np.max(np.abs(found[k] / easy)):
                 break
-        if not np.all(np.isfinite(found[k])) or np.max(np.abs(gap)) > 1e-6 * (1 + np.max(np.abs(slope) @ np.abs(found[k]))):
+        room = 1e-6 * (np.abs(slope) @ (np.abs(found[k]) + easy))
+        if not np.all(np.isfinite(found[k])) or np.any(np.abs(gap[:, 0]) > room):
             found[k] = found[k - 1] if fresh and k else before
     return found
 
 
+def _least(slopes: np.ndarray, wanted: np.ndarray, much: np.ndarray) -> np.ndarray:
+    """The least x (n,), in units of what is `much`, with slopes x = wanted (m,), each row in units of its own."""
+    own = slopes * much
+    row = np.linalg.norm(own, axis=1)
+    row = np.where(row > 0, row, 1.0)
+    return much * np.linalg.lstsq(own / row[:, None], wanted / row, rcond=1e-10)[0]
+
+
 def _moving(
-    stage: Stage, x: np.ndarray, t: np.ndarray, free: np.ndarray, duration: float, sought: np.ndarray, *, steady: bool
+    stage: Stage,
+    x: np.ndarray,
+    t: np.ndarray,
+    free: np.ndarray,
+    duration: float,
+    sought: np.ndarray,
+    much: np.ndarray,
+    *,
+    steady: bool,
 ) -> np.ndarray:
-    """With velocities (n, nv) that go with the positions; at both ends as they are, unless it is `steady`. Where positions cannot go all ways (what rolls),
+    """With velocities (n, nv) that go with the positions, measured by what is `much` (nx,); at both ends as they are, unless it is `steady`. Where positions cannot go all ways (what rolls),
     those that are not `sought` (nx,) follow from the others.
     """
     nq, nv = stage.functions.space.nq, stage.functions.space.velocities
     slope = np.gradient(x[:, :nq], t, axis=0) if t.size > 1 else np.zeros((1, nq))
     rolls = _rolls(stage)
-    weight = np.where(sought[:nq] | (not rolls), 1.0, _HELD)
+    weight = np.where(sought[:nq] | (not rolls), 1.0, HELD) / much[:nq]
+    fast = much[nq : nq + nv]
     found = x.copy()
 
     def rates(k: int) -> np.ndarray:
@@ -177,7 +194,7 @@ def _moving(
         found[k, nq : nq + nv] = 0.0
         arguments = _arguments(stage, found[k], duration, free)
         drift, matrix = (np.array(part) for part in stage.moving(arguments, [t[k] / duration, 0.0]))
-        v = np.linalg.lstsq(matrix * weight[:, None], (slope[k] - drift[:, 0]) * weight, rcond=None)[0]
+        v = fast * np.linalg.lstsq(matrix * weight[:, None] * fast, (slope[k] - drift[:, 0]) * weight, rcond=None)[0]
         found[k, nq : nq + nv] = v
         return drift[:, 0] + matrix @ v
 

@@ -148,10 +148,11 @@ def linked(program: Program, link: Link, parts: Sequence[Transcribed], begins: S
     R = ca.SX(0, 1) if blow is None else blow.impulses
     ends = _Ends.of(old, new, (begins[link.before], begins[link.after]), R, program.size)
     rows: list[tuple[ca.SX, float, str]] = []  # value, upper limit, name
-    impulses, idle = np.zeros(R.numel()), np.zeros(0, dtype=int)
+    impulses, idle, much = np.zeros(R.numel()), np.zeros(0, dtype=int), np.zeros(R.numel())
     if blow is not None:
         struck = ends.before(ca.vertcat(*(value for value, _ in blow.rows)))
         impulses, kept = _impulses(ends, struck, R)
+        much = _blows(ends, blow, impulses)
         names = [name for value, name in blow.rows for _ in range(value.numel())]
         rows += [(struck[int(r)], 0.0, names[int(r)]) for r in kept]
         idle = np.setdiff1d(np.arange(R.numel()), kept)
@@ -163,7 +164,7 @@ def linked(program: Program, link: Link, parts: Sequence[Transcribed], begins: S
     slopes = _Slopes(ends, link)
     chosen = slopes.adding(ca.vertcat(*(mine for mine, _, _ in pairs)), ca.vertcat(*(its for _, its, _ in _entries(values))))
     rows += [(ends.after(pairs[r][0]) - ends.before(pairs[r][1]), 0.0, pairs[r][2]) for r in chosen]
-    return _with_rows(program, ends, rows, impulses, idle)
+    return _with_rows(program, ends, rows, impulses, idle, much)
 
 
 def torn(link: Link, parts: Sequence[Transcribed], found: Sequence[np.ndarray]) -> list[str]:
@@ -217,6 +218,17 @@ def _impulses(ends: _Ends, rows: ca.SX, R: ca.SX) -> tuple[np.ndarray, np.ndarra
     found = np.zeros(off.size)
     found[kept] = np.linalg.lstsq(slopes[np.ix_(kept, kept)], -off[kept], rcond=1e-10)[0]
     return found, kept
+
+
+def _blows(ends: _Ends, blow: Impact, impulses: np.ndarray) -> np.ndarray:
+    """What is much for each impulse (n,): the largest of the guess; where there is none what changes a velocity by what is much for that."""
+    largest = float(np.max(np.abs(impulses), initial=0.0))
+    if largest > 0:
+        return np.full(impulses.size, largest)
+    nx = ends.old.asked.stage.sizes[0]
+    changes = np.abs(ends.number(ca.jacobian(ends.before(blow.after), blow.impulses))) / ends.units[:nx, None]
+    most = np.max(np.where(np.isfinite(changes), changes, 0.0), axis=0, initial=0.0)
+    return 1 / np.where(most > 0, most, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -330,16 +342,20 @@ _ASIDE, _CLEAR, _MET, _STEPS = 1e-2, 1e-6, 1e-11, 30
 
 
 def _with_rows(
-    program: Program, ends: _Ends, rows: Sequence[tuple[ca.SX, float, str]], impulses: np.ndarray, idle: np.ndarray
+    program: Program,
+    ends: _Ends,
+    rows: Sequence[tuple[ca.SX, float, str]],
+    impulses: np.ndarray,
+    idle: np.ndarray,
+    much: np.ndarray,
 ) -> tuple[Program, list[str]]:
     if not rows and not impulses.size:
         return program, []
     column = ca.densify(ca.vertcat(ca.SX(0, 1), *(value for value, _, _ in rows)))
     inside = {s.element_hash() for s in ca.symvar(column)}
     used = np.array([k for k in range(ends.symbols.numel()) if ends.symbols[k].element_hash() in inside], dtype=int)
-    size = float(np.max(np.abs(impulses), initial=0.0)) or 1.0
     units = ends.units.copy()
-    units[units.size - impulses.size :] = size
+    units[units.size - impulses.size :] = much
     n = len(rows)
     term = Term(
         folded_function("link", [ends.symbols[used.tolist()], ca.SX.sym("none", 0)], [column]),
@@ -348,4 +364,4 @@ def _with_rows(
     bounds = np.repeat([[-np.inf], [np.inf]], impulses.size, axis=1)
     bounds[:, idle] = 0.0
     limits = np.array([np.zeros(n), [upper for _, upper, _ in rows]])
-    return program.extended(impulses / size, bounds, term, limits), [name for _, _, name in rows]
+    return program.extended(impulses / much, bounds, term, limits), [name for _, _, name in rows]

@@ -93,7 +93,7 @@ class Optimum:
         """All unknowns at the points of the mesh; loops, which an interior point leaves open by its last digits, closed to rounding."""
         found, stage = self.transcribed.motion(self.unknowns), self.transcribed.asked.stage
         nx = stage.sizes[0]
-        x = closed(stage, found.values[:, :nx], found.times, found.duration, found.free, np.ones(nx), fresh=False)
+        x = closed(stage, found.values[:, :nx], found.times, found.duration, found.free, self.transcribed.units[:nx], fresh=False)
         return replace(found, values=np.column_stack([x, found.values[:, nx:]]))
 
     @property
@@ -145,7 +145,8 @@ class Optimum:
         stage = self.transcribed.asked.stage
         space, t0 = stage.functions.space, float(self.t[0])
         # closed to rounding: what is open by an interior point's last digits would have to strike first
-        first = closed(stage, self._nodes[:, :1].T, np.zeros(1), self.duration, self.motion.free, np.ones(self.x.shape[0]))[0]
+        units = self.transcribed.units[: self.x.shape[0]]
+        first = closed(stage, self._nodes[:, :1].T, np.zeros(1), self.duration, self.motion.free, units)[0]
         whole = space.expanded(t0, first, space.extended(t0, first, self._p(stage.functions)))
         start = {key: near(value) for key, value in start_values(stage.functions, whole).items()}
         return self.model.simulate(
@@ -421,15 +422,16 @@ class Optimum:
 
     @functools.cached_property
     def spread(self) -> np.ndarray:
-        """(nx,): what each state varies by; where it does not, what states of its kind do. Digits of what is much for it are rounding: a scene that rests has a speed by these."""
-        much = np.maximum(np.max(np.abs(self.x), axis=1), self.transcribed.units[: len(self.x)])
-        found = np.maximum(np.ptp(self.x, axis=1), _DIGITS * much)
+        """(nx,): what each state varies by; where it does not, what states of its kind do, in units of each. Digits of what is much for it are rounding: a scene that rests has a speed by these."""
+        units = self.transcribed.units[: len(self.x)]
+        much = np.maximum(np.max(np.abs(self.x), axis=1), units)
+        found = np.maximum(np.ptp(self.x, axis=1), _DIGITS * much) / units
         nq = self.transcribed.asked.stage.functions.space.nq
         for block in (slice(0, nq), slice(nq, None)):
             own = found[block]
             own[own < 1e-3 * np.max(own, initial=0.0)] = np.max(own, initial=0.0)
             own[own == 0.0] = 1.0
-        return found
+        return found * units
 
     def __repr__(self) -> str:
         return f"<Optimum: cost {self.cost:.10g} in {self.duration:g} s, {self.mesh.intervals} intervals>"

@@ -17,10 +17,11 @@ from acausal.optimal_control.asked import GIVEN, Asked, Limits, Total
 from acausal.optimal_control.checks import check_given, check_problem
 from acausal.optimal_control.conditions import beside
 from acausal.optimal_control.controller import Controller
-from acausal.optimal_control.guess import Guess, path_guess, run_guess
+from acausal.optimal_control.guess import HELD, Guess, closed, path_guess, run_guess
 from acausal.optimal_control.language import Cost, free
 from acausal.optimal_control.mesh import Mesh, Mesher
 from acausal.optimal_control.mode import phase_mode
+from acausal.optimal_control.natural import natural_length
 from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.solving import best_of
 from acausal.optimal_control.stage import Stage
@@ -299,13 +300,15 @@ class OptimalControl:
             _total(stage, self._cost, "minimise"), totals, held, np.array([self._time.lower, self._time.upper]),
             np.array([[v.lower, v.upper] for v in self._geometry.values()]).reshape(-1, 2),
         )  # fmt: skip
-        return asked, self._stops(stage, begin, rests=asked.linear), self._units(stage, begin)
+        units = self._units(stage, begin)
+        stops = self._stops(stage, begin, units, rests=asked.linear)
+        return asked, stops, self._units(stage, begin, np.ptp([x for _, x in stops], axis=0))
 
-    def _stops(self, stage: Stage, begin: InitialState, *, rests: bool) -> list[tuple[float, np.ndarray]]:
+    def _stops(self, stage: Stage, begin: InitialState, units: np.ndarray, *, rests: bool) -> list[tuple[float, np.ndarray]]:
         """Parts of the duration, and states (nx,) nearest to those before that are as asked for then. What moves goes on, unless it `rests`, as where all is linear and any guess
         does.
         """
-        stops = [(0.0, begin.x)]
+        stops = [(0.0, self._closed(stage, 0.0, begin.x, units, [*(self._start or {}), *self._opened]))]
         for at in sorted({at for at, _ in self._here}):
             values = {key: value for where, own in self._here if where == at for key, value in own.items()}
             wanted = {
@@ -316,7 +319,8 @@ class OptimalControl:
             if at > 0:
                 before, found = stops[-1], self._stop(stage, begin, stops[-1][1], wanted)
                 on = self._gone_on(stage, before, (at, found), rests=rests)
-                stops.append((at, self._stop(stage, begin, before[1] + on, wanted) if on.any() else found))
+                found = self._stop(stage, begin, before[1] + on, wanted) if on.any() else found
+                stops.append((at, self._closed(stage, at, found, units, [*wanted])))
         more = self._more_at_the_end()
         if more is not None:
             told, stops = [x for at, x in stops if at == 1.0], [stop for stop in stops if stop[0] < 1.0]
@@ -338,7 +342,13 @@ class OptimalControl:
             found[:nq] = np.where(stage.indifferent, mean * time * (after[0] - before[0]), 0.0)
         return found
 
-    def _stop(self, stage: Stage, begin: InitialState, before: np.ndarray, wanted: Mapping[Expression, Any]) -> np.ndarray:
+    def _stop(
+        self,
+        stage: Stage,
+        begin: InitialState,
+        before: np.ndarray,
+        wanted: Mapping[Expression, Any],
+    ) -> np.ndarray:
         """States (nx,) near those `before` that are as wanted; from beside these where they are stationary for what is wanted, as a pendulum that hangs."""
         f, told = self._functions, self._near_states(stage, wanted)
         rest = np.concatenate(
@@ -363,6 +373,15 @@ class OptimalControl:
             if missed(found[-1]) <= 1e-3 * missed(before):
                 return found[-1]
         return min(found, key=missed)
+
+    def _closed(self, stage: Stage, at: float, x: np.ndarray, units: np.ndarray, said: Sequence[Expression]) -> np.ndarray:
+        """States (nx,) of a stop with what is closed or sticks in this mode closed: what is `said` of that part of the duration stays, as far as it can, and all else follows."""
+        if not self._mode.gaps.numel():
+            return x
+        told = stage.put(ca.vertcat(ca.SX(0, 1), *(stage.opened(key) for key in said)))
+        held = np.array(ca.which_depends(told, stage.unknowns[: x.size], 1, False), dtype=bool)
+        easy = np.where(held, HELD, 1.0) * units[: x.size]
+        return closed(stage, x[None, :], np.array([at]), float(self._time.guess or 1.0), self._free_guess, easy)[0]
 
     def _more_at_the_end(self) -> np.ndarray | None:
         """By what states (nx,) are more than at the start where the motion is periodic, NaN what drifts."""
@@ -434,18 +453,24 @@ class OptimalControl:
         of_places = left[np.max(left[:, nq:], axis=1, initial=0.0) <= 1e-9 * np.max(left[:, :nq], axis=1, initial=0.0)]
         return np.max(of_places, axis=0, initial=0.0) > 1e-6 * np.max(of_places, initial=0.0)
 
-    def _units(self, stage: Stage, begin: InitialState) -> np.ndarray:
-        """(width,): lengths and angles as the search for a start measures them, the others by the duration; inputs by their bounds, 0 where they have none."""
+    def _units(self, stage: Stage, begin: InitialState, ways: np.ndarray | None = None) -> np.ndarray:
+        """(width,), by how far states (nx,) go from stop to stop, as far as that is known: lengths and angles as the search for a start measures them, the others by the duration; inputs by their bounds, 0 where they have none."""
         space, system, time = stage.functions.space, stage.functions.outputs.system, float(self._time.guess or 1.0)
         positions, rates = start_units(begin)
         states = np.concatenate([positions[: system.nq], rates / time])[list(space.places)]
         nq, nv = space.nq, space.velocities
-        _, _, loops, inputs = stage.sizes
+        nx, _, loops, inputs = stage.sizes
         drive = np.zeros(inputs)
         for expression, lower, upper in self._limited:
             for k, entry in enumerate(self._mode.inputs):
                 if expression is entry:
                     drive[k] = max((abs(float(v)) for v in (lower, upper) if np.isfinite(v)), default=0.0)
+        if not begin.account.problem.coordinates.size:
+            z = np.concatenate([begin.x, np.zeros(stage.width - nx), [time], self._free_guess])
+            lengths = np.array([unit.split("/")[0] == "m" for unit in state_units(stage.functions)])
+            states[lengths] *= natural_length(
+                stage, z, states, np.append(np.zeros(loops), drive), np.zeros(nx) if ways is None else ways
+            )
         return np.concatenate([states, states[nq : nq + nv] / time, np.zeros(loops), drive])
 
     def _measured(self, asked: Asked, units: np.ndarray, first: Guess) -> np.ndarray:

@@ -34,10 +34,11 @@ def search(
     *,
     warm: bool,
     begin: np.ndarray | None = None,
+    bounds: np.ndarray | None = None,
     solvers: dict[Any, ca.Function] | None = None,
 ) -> Outcome:
     """Unknowns, cost, multipliers of the constraints, what the cost would be less by if each unknown and then each constraint came to the bound that it is
-    pressed against, and what the solver says of its search. `begin` (n,): where it begins, if not at the program's guess; `solvers`: those that were made, which
+    pressed against, and what the solver says of its search. `begin` (n,): where it begins, if not at the program's guess; `bounds` (2, n): those of the unknowns, if not the program's; `solvers`: those that were made, which
     are used again.
     """
     made, key = {} if solvers is None else solvers, (program, warm, repr(sorted(options.items())))
@@ -47,7 +48,7 @@ def search(
         solver = made[key]
     except RuntimeError as refused:
         raise OptionError(f"solve: {plugin} does not take these options: {options}. {str(refused).splitlines()[-1]}") from None
-    (least, most), (lower, upper) = program.bounds, program.limits
+    (least, most), (lower, upper) = program.bounds if bounds is None else bounds, program.limits
     found = solver(x0=np.clip(program.guess if begin is None else begin, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
     w, g, of_bounds, of_rows = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
     pressed = np.append(of_bounds, of_rows)

@@ -17,10 +17,13 @@ from acausal.reduce.reduce import ReducedSystem
 
 @dataclass(frozen=True)
 class Coordinates:
-    """All of them, in the order of q (nq,), and what is much for each entry of q: 1 for angles and quaternions, a length for lengths."""
+    """All of them, in the order of q (nq,), and what is much for each entry of q: 1 for angles and quaternions, a length for lengths. `size`: of the mechanism [m], 0 where no link
+    or coordinate tells it.
+    """
 
     all: tuple[Coordinate, ...]
     scale: np.ndarray
+    size: float = 0.0
 
     @property
     def turning(self) -> np.ndarray:
@@ -71,8 +74,8 @@ def coordinates(system: MechanicalSystem, p: ca.SX, values: np.ndarray, q: np.nd
     all = tuple(found)
     slopes = slopes_of_places(tree, p, q, values)
     size = reach(system, p, values, q, all)
-    length = size if 0 < size < np.inf else 1.0
-    return Coordinates(all, np.where(Coordinates(all, np.zeros(0)).turning, 1.0, length / slopes))
+    known = size if 0 < size < np.inf else 0.0
+    return Coordinates(all, np.where(Coordinates(all, np.zeros(0)).turning, 1.0, (known or 1.0) / slopes), known)
 
 
 def turning_states(r: ReducedSystem) -> tuple[np.ndarray, np.ndarray]:
