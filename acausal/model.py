@@ -14,7 +14,7 @@ import casadi as ca
 from acausal.abstract_model import AbstractModel
 from acausal.arguments import listed
 from acausal.dynamics.system import mechanical_system
-from acausal.errors import LockedError, ModelError, OptionError
+from acausal.errors import LockedError, ModelError, OptionError, OverdeterminedError
 from acausal.language.component import System
 from acausal.language.expression import Derivative, Expression, Variable, time
 from acausal.language.flatten import FlatSystem, flatten
@@ -231,14 +231,24 @@ def _what_holds(system: ReducedSystem) -> str:
     )
 
 
-def _reduced(flat: FlatSystem) -> ReducedSystem:
+_TURNED = 30
+"""Ways of turning laws round that are tried, at most."""
+
+
+def _reduced(flat: FlatSystem, tried: set[tuple[str, ...]] | None = None) -> ReducedSystem:
     """With laws turned round where something else decides their flow, see `OneWay`."""
+    tried = set() if tried is None else tried
     try:
         return reduce_system(mechanical_system(build_mechanism(flat), time.sx))
     except ModelError as error:
-        for turned in filter(None, map(flat.with_turned, error.reactions)):
+        asked = error.reactions or (flat.reactions if isinstance(error, OverdeterminedError) else ())
+        for turned in filter(None, map(flat.with_turned, asked)):
+            these = tuple(sorted(part.path for part in turned.parts if part.turned))
+            if these in tried or len(tried) > _TURNED:
+                continue
+            tried.add(these)
             try:
-                return _reduced(turned)
+                return _reduced(turned, tried)
             except ModelError:
                 continue
         raise

@@ -181,6 +181,80 @@ def test_a_thyristor_alone_with_an_inductor_needs_a_leakage_and_says_so() -> Non
         ac.build(circuit(0.1, 1.0, 100.0, gate=1.0))
 
 
+def bridge(before: float, behind: float, store: float, resistance: float, at_source: bool) -> Any:
+    """Four diodes between a source with an inductor `before` them, and a load with one `behind` them, and a capacitor; the ground on one side or the other."""
+    scene: Any = ac.System()
+    scene.mains, scene.ground, scene.load = VoltageSource(AMPLITUDE * np.sin(100.0 * ac.time)), Ground(), Resistor(5.0)
+    scene.diodes = [IdealDiode(resistance=resistance) for _ in range(4)]
+    first, second, third, fourth = scene.diodes
+    one, other, top = scene.mains.pin_a, scene.mains.pin_b, first.pin_b
+    if before:
+        scene.line = Inductor(before)
+        scene.connect(one, scene.line.pin_a)
+        one = scene.line.pin_b
+    scene.connect(one, first.pin_a, third.pin_b)
+    scene.connect(other, second.pin_a, fourth.pin_b)
+    scene.connect(first.pin_b, second.pin_b)
+    scene.connect(third.pin_a, fourth.pin_a, scene.load.pin_b)
+    if behind:
+        scene.choke = Inductor(behind)
+        scene.connect(top, scene.choke.pin_a)
+        top = scene.choke.pin_b
+    scene.connect(top, scene.load.pin_a)
+    if store:
+        scene.store = Capacitor(store)
+        scene.connect(top, scene.store.pin_a)
+        scene.connect(scene.store.pin_b, scene.load.pin_b)
+    scene.connect(scene.ground.pin, other if at_source else scene.load.pin_b)
+    return scene
+
+
+def rectified(scene: Any, end: float) -> Any:
+    start = {scene.line.i: 0.0} if hasattr(scene, "line") else {}
+    start |= {scene.choke.i: 0.0} if hasattr(scene, "choke") else {}
+    start |= {scene.store.v: 0.0} if hasattr(scene, "store") else {}
+    return ac.build(scene).simulate(end, start, rtol=1e-10, samples=150)
+
+
+@pytest.mark.parametrize("at_source", [False, True])
+def test_a_bridge_with_one_inductor_against_closed_forms(at_source: bool) -> None:
+    """Behind it, the current is that of a source that is rectified; before it, that of no bridge at all."""
+    L, w, R = 0.05, 100.0, 5.0
+    run = rectified(scene := bridge(0.0, L, 0.0, 0.0, at_source), 0.2)
+    times, branches = [0.0], [Branch(L, R, w, AMPLITUDE, 0.0, 0.0)]
+    for k in range(1, 7):
+        t = k * math.pi / w
+        branches.append(Branch(L, R, w, (-1) ** k * AMPLITUDE, t, branches[-1](t)))
+        times.append(t)
+    exact = [branches[int(np.searchsorted(times, t, side="right")) - 1](t) for t in run.t]
+    np.testing.assert_allclose(run[scene.choke.i].ravel(), exact, rtol=0, atol=1e-10 * AMPLITUDE / R)
+
+    run = rectified(scene := bridge(L, 0.0, 0.0, 0.0, at_source), 0.2)
+    line = [Branch(L, R, w, AMPLITUDE, 0.0, 0.0)(t) for t in run.t]
+    np.testing.assert_allclose(run[scene.line.i].ravel(), line, rtol=0, atol=1e-10 * AMPLITUDE / R)
+    np.testing.assert_allclose(run[scene.load.i].ravel(), np.abs(line), rtol=0, atol=1e-10 * AMPLITUDE / R)
+
+
+@pytest.mark.parametrize("resistance", [0.0, 1e-3])
+@pytest.mark.parametrize(("behind", "store"), [(0.0, 1e-3), (0.05, 0.0), (0.05, 1e-3)])
+def test_a_bridge_between_inductors_and_stores_moves_alike_wherever_its_ground_is(
+    behind: float, store: float, resistance: float
+) -> None:
+    """Where all four block, the source floats: nothing says how they share the voltage, and nothing depends on it."""
+    found: list[np.ndarray] = []
+    for at_source in (False, True):
+        scene = bridge(5e-3, behind, store, resistance, at_source)
+        run = rectified(scene, 0.2)
+        for diode in scene.diodes:
+            current, over = run[diode.current], run[diode.v] - resistance * run[diode.current]
+            assert current.min() >= -1e-12
+            assert over.max() <= 1e-12 * AMPLITUDE
+            assert np.abs(current * over).max() <= 1e-12 * AMPLITUDE
+        assert run.statistics.steps < 200
+        found.append(np.concatenate([run[scene.load.v], run[scene.line.i]]))
+    np.testing.assert_allclose(found[0], found[1], rtol=0, atol=1e-8 * AMPLITUDE)
+
+
 def drawn(seed: int, order: np.random.Generator | None) -> tuple[Any, list[Any], float, float]:
     """A source, diodes with a little resistance, and other parts, which connect all nodes; with its times [s] and voltages [V]."""
     g = np.random.default_rng(seed)

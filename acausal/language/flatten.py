@@ -125,7 +125,10 @@ class FlatSystem:
 
     def with_turned(self, reaction: Reaction) -> FlatSystem | None:
         """With the laws of the part of this reaction turned round, see `OneWay`; None where they cannot be."""
-        part = next(part for part in self.parts if any(isinstance(law, OneWay) and law.reaction is reaction for law in part.laws))
+        owners = [p for p in self.parts if any(isinstance(law, OneWay) and law.reaction is reaction for law in p.laws)]
+        if not owners:
+            return None
+        part = owners[0]
         if part.turned or not all(isinstance(law, OneWay) and law.turned() for law in part.laws):
             return None
         other = Part(part.path, part.component, turned=True)

@@ -129,6 +129,26 @@ static int combine_rows(Integrator *I, const Decision *D) {
     return 1;
 }
 
+/* The same. Where valves that block leave a potential open, or those that conduct a current, some that do neither, by what is decided, do the other thing. */
+static int combine_others(Integrator *I, const Decision *D, const double *push, const double *rate) {
+    double *side = I->state->side, most = 0;
+    long n = reactions_of(I), *undecided = I->state->index_rows + 2 * n, count = 0;
+    if (combine_rows(I, D)) return 1;
+    for (long i = 0; i < n; i++) most = fmax(most, fmax(fabs(push[i]) * unit_of(own_of(D, i)), fabs(D->free[i]) / unit_of(own_of(D, i))));
+    for (long i = 0; i < n; i++)
+        if (fabs(push[i]) * unit_of(own_of(D, i)) <= FITS * most && fabs(rate[i]) / unit_of(own_of(D, i)) <= FITS * most) undecided[count++] = i;
+    for (long a = 0; a < count; a++)
+        for (long b = a; b < count; b++) { /* one of them, or two */
+            long one = undecided[a], other = undecided[b];
+            side[one] = 1 - side[one];
+            if (other != one) side[other] = 1 - side[other];
+            if (combine_rows(I, D)) return 1;
+            side[one] = 1 - side[one];
+            if (other != one) side[other] = 1 - side[other];
+        }
+    return 0;
+}
+
 /* What rounding makes of a row in the mode that has been set. */
 static double rounding_of_row(const Integrator *I, long i) {
     const struct State *T = I->state;

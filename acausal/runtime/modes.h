@@ -129,7 +129,7 @@ static int make_modes(Integrator *I) {
         T->row_unit = reserve_doubles(I, n);
         T->row_terms = reserve_doubles(I, n);
         T->index_work = reserve_doubles(I, 4 * n * n + n);
-        T->index_rows = reserve(I, sizeof(long) * (size_t)(2 * n));
+        T->index_rows = reserve(I, sizeof(long) * (size_t)(3 * n));
         if (!I->counted && !(T->row_unit && T->row_terms && T->index_work && T->index_rows)) return 0;
     }
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
@@ -604,7 +604,7 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
         if (asked[D.gaps + f] == AGAINST) memcpy(R.along + 3 * f, R.now + 3 * f, sizeof(double) * 3);
     if (!foresee_slips(I, &D, R, planned, later)) return INPUT_FAILED;
     set_masks(I, &D, R);
-    if (I->changes_index && !combine_rows(I, &D)) {
+    if (I->changes_index && !combine_others(I, &D, R.push, R.rate)) {
         I->worst = 0;
         return NO_MODE;
     }
@@ -722,8 +722,10 @@ static enum Code decide_in_time(Integrator *I, Room R, double planned) {
         planned = fmax(fmin(planned, most / LATER), SPENT * EPS / LATER * fabs(I->t)); /* what changes with time does not sooner */
     }
     if (!decide_now(I, R, LATER * planned, now)) return INPUT_FAILED;
-    for (double later = LATER; roughly && later < TOO_LATE; later *= 100) code = decide_when(I, R, planned, later * planned, &roughly);
-    for (double later = 0.01 * LATER; I->changes_index && later > SOONEST && later * planned > SPENT * EPS * fabs(I->t); later *= 0.01) {
+    double first = LATER; /* what begins with no rate is told from rounding later, where it has not lasted */
+    for (long k = 0; k < T->changes && I->changes_index && first < 0.01; k++) first *= 10;
+    for (double later = first; roughly && later < TOO_LATE; later *= 100) code = decide_when(I, R, planned, later * planned, &roughly);
+    for (double later = 0.01 * first; I->changes_index && later > SOONEST && later * planned > SPENT * EPS * fabs(I->t); later *= 0.01) {
         int holds = code == REACHED_END ? is_true_now(I, R) : 0;
         if (holds < 0) return INPUT_FAILED;
         if (holds) break;

@@ -17,11 +17,10 @@ from dataclasses import dataclass, field
 import casadi as ca
 
 from acausal.errors import OverdeterminedError
-from acausal.language.expression import Reaction, declared
 from acausal.scalar.affine import Affine
 from acausal.scalar.chains import Chains, Level
 from acausal.scalar.dependent import replace_dependent
-from acausal.scalar.diagnosis import named
+from acausal.scalar.diagnosis import named, reactions_in
 from acausal.scalar.equations import EquationSet, ScalarEquation, symbols_in
 from acausal.scalar.naming import Names
 from acausal.scalar.structure import Form, forms
@@ -185,7 +184,7 @@ class _Elimination:
                 f"A value or a motion is given twice: remove a source, or another equation of the same variables"
                 f"{'' if equation.remainder.is_constant() else ', or let something between yield (a leakage, a resistance, a spring)'}. {self.system.totals}"
             )
-            error.reactions = tuple(s for s in map(declared, ca.symvar(equation.remainder)) if isinstance(s, Reaction))
+            error.reactions = reactions_in(equation.remainder)
             raise error
         self.dropped.append(source)
 

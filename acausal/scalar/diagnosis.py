@@ -7,6 +7,7 @@ from collections.abc import Iterable, Sequence
 import casadi as ca
 
 from acausal.errors import ModelError, OverdeterminedError, UnderdeterminedError
+from acausal.language.expression import Reaction, declared
 from acausal.scalar.chains import Chains
 from acausal.scalar.equations import EquationSet, ScalarEquation, Unknown
 from acausal.scalar.matching import Incidence, Parts, match, overdetermined, underdetermined
@@ -32,14 +33,21 @@ def check_regular(
     if over is not None:
         least = named(u for k in over.unknowns for u in chains.of_root(roots[k])[:1])
         more = f" In return {missing}." if missing else ""
-        raise OverdeterminedError(
+        error = OverdeterminedError(
             f"{_too_many(over, sources)} They leave no freedom for: {least}. A value or a motion may be given twice: remove a source or a "
             f"connection.{more} {system.totals}"
         )
+        error.reactions = reactions_in(ca.vertcat(*(sources[e].residual for e in over.equations)))
+        raise error
     if missing is not None:
         empty = f" Say nothing new: {', '.join(str(e) for e in dropped[:3])}." if dropped else ""
         hints = " ".join(dict.fromkeys(u.hint for chain in members for u in chain if u.hint))
         raise UnderdeterminedError(f"{missing}. {hints or 'A component or a connection may be missing.'}{empty} {system.totals}")
+
+
+def reactions_in(value: ca.SX) -> tuple[Reaction, ...]:
+    """Those that it depends on."""
+    return tuple(s for s in map(declared, ca.symvar(value)) if isinstance(s, Reaction))
 
 
 def _missing(under: Parts, members: Sequence[Sequence[Unknown]]) -> str:
