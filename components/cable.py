@@ -21,6 +21,8 @@ from components.joints.revolute import Revolute
 from components.pulley import CommonTangent, Pulley, RopeOverWheels, Tangent
 
 _LOOSE = "A cable is held at both ends: connect both."
+_MOST = 1000
+"""Pieces of one rope."""
 
 
 @final
@@ -150,9 +152,9 @@ class Tendon(System):
 
 def own_flanges(part: Component, number: int) -> tuple[Translational, ...]:
     """So many flanges of a part. Raises `ParameterError`."""
-    if isinstance(number, bool) or not isinstance(number, int) or number < 1:  # pyright: ignore[reportUnnecessaryIsInstance]
+    if isinstance(number, bool) or not isinstance(number, int) or not 1 <= number <= _MOST:  # pyright: ignore[reportUnnecessaryIsInstance]
         raise ParameterError(
-            f"{type(part).__name__}'s number is {shown(number)} ({origin()}). Give a whole number of at least 1."
+            f"{type(part).__name__}'s number is {shown(number)} ({origin()}). Give a whole number from 1 to {_MOST}."
         )
     ports: list[Translational] = []
     for k in range(number):

@@ -48,10 +48,10 @@ class AbstractValve(AbstractTwoPin):
 class IdealDiode(AbstractValve):
     """Conducts from pin_a to pin_b, and blocks the other way: 0 <= current, v <= resistance current, one of them with equality.
 
-    i = current + leakage v. `leakage` [A/V] >= 0: conducts while it blocks; a circuit needs one in which nothing decides the potential between several diodes that
-    block. `resistance` [Ohm] >= 0: while it conducts; a circuit needs one in which nothing else limits the current, or several diodes share it, such as a bridge right at a
-    source and a capacitor. With both any circuit has one motion; it is found where the leakage is not below 1e-7 of what else conducts. Behind an inductor, which decides the
-    current while it conducts, it needs neither; there a leakage makes motions stiff.
+    i = current + leakage v. `leakage` [A/V] >= 0: conducts while it blocks; a circuit needs one in which nothing decides the potential between several
+    diodes that block. `resistance` [Ohm] >= 0: while it conducts; a circuit needs one in which nothing else limits the current, or several diodes share it,
+    such as a bridge right at a source and a capacitor. With both any circuit has one motion; it is found where the leakage is not below 1e-7 of what else
+    conducts. Behind an inductor, which decides the current while it conducts, it needs neither; there a leakage makes motions stiff.
 
         scene.rectifier = IdealDiode()
     """
@@ -64,8 +64,8 @@ class IdealDiode(AbstractValve):
 class Thyristor(AbstractValve):
     """An ideal diode that begins to conduct only where its `gate` is positive, and goes on until its current has fallen to zero.
 
-    `gate`: an input, a function of time, or an expression of the scene. `leakage` [A/V] and `resistance` [Ohm] as of an IdealDiode, but it needs a leakage behind an inductor
-    too, unless a diode beside it can take the current over; it leaks in either direction while it blocks.
+    `gate`: an input, a function of time, or an expression of the scene. `leakage` [A/V] and `resistance` [Ohm] as of an IdealDiode, but it needs a leakage
+    behind an inductor too, unless a diode beside it can take the current over; it leaks in either direction while it blocks.
 
         scene.dimmer = Thyristor(gate=ac.Input("V"))
     """

@@ -45,7 +45,7 @@ class Magnitudes:
 
     def components(self, reactions: ca.SX, values: ca.SX) -> list[ca.SX]:
         """Of each size (c, 1), by values of the reactions."""
-        return [ca.substitute(size.of, reactions, values) for size in self.sizes]
+        return [ca.substitute(size.of, reactions, ca.densify(values)) for size in self.sizes]
 
     def solved(self, a: Sequence[ca.SX], B: Sequence[ca.SX]) -> ca.SX:
         """s (m, 1), with a_i (c, 1) and B_i (c, m)."""

@@ -67,7 +67,7 @@ class Modes:
 
     def with_dead(self, values: ca.SX) -> ca.SX:
         """Values (n, 1) of the reactions, as those of `symbols`."""
-        return ca.vertcat(values, ca.SX.zeros(self.dead.numel()))
+        return ca.vertcat(ca.densify(values), ca.SX.zeros(self.dead.numel()))
 
     def with_answers(self, value: ca.SX) -> ca.SX:
         """An expression of the scene in which reactions are symbols still, with answers of `systems` for them."""
