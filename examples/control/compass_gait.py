@@ -91,7 +91,7 @@ def main(folder: str = "out") -> float:
         left.slide.v: right.slide.v, right.slide.v: left.slide.v, walker.up.q: walker.up.q, walker.up.v: walker.up.v, walker.along.v: walker.along.v,
     }  # fmt: skip
     gait.link(step, step, swapped, impact={right.ground: "sticks"})
-    best = gait.solve(12, tolerance=1e-8)
+    best = gait.solve(16, tolerance=1e-9)
     print(best)
     print(best.run.transitions)
     best.run.picture(f"{folder}/compass_gait.png", times=[part * best.duration for part in (0.0, 0.33, 0.67, 1.0)])
