@@ -59,6 +59,16 @@ static double unit_of(double compliance) { return compliance > 0 ? sqrt(complian
 /* What a row's own reaction does to it, or something of that unit where it does nothing. */
 static double own_of(const Decision *D, long i) { return D->own ? D->own[i] : D->W[i * D->n + i]; }
 
+/* The largest of reactions (n) and of what rows are without them, in units of rows. */
+static double largest_in(const Decision *D, const double *push) {
+    double largest = 0;
+    for (long i = 0; i < D->n; i++) {
+        double unit = unit_of(own_of(D, i));
+        largest = fmax(largest, fmax(fabs(push[i]) * unit, fabs(D->free[i]) / unit));
+    }
+    return largest;
+}
+
 static long row_of(const Decision *D, long friction) {
     long patch = friction - D->lines - D->planes;
     return friction < D->lines ? D->gaps + friction : D->gaps + D->lines + 2 * (friction - D->lines) + (patch > 0 ? patch : 0);

@@ -131,10 +131,9 @@ static int combine_rows(Integrator *I, const Decision *D) {
 
 /* The same. Where valves that block leave a potential open, or those that conduct a current, some that do neither, by what is decided, do the other thing. */
 static int combine_others(Integrator *I, const Decision *D, const double *push, const double *rate) {
-    double *side = I->state->side, most = 0;
+    double *side = I->state->side, most = largest_in(D, push);
     long n = reactions_of(I), *undecided = I->state->index_rows + 2 * n, count = 0;
     if (combine_rows(I, D)) return 1;
-    for (long i = 0; i < n; i++) most = fmax(most, fmax(fabs(push[i]) * unit_of(own_of(D, i)), fabs(D->free[i]) / unit_of(own_of(D, i))));
     for (long i = 0; i < n; i++)
         if (fabs(push[i]) * unit_of(own_of(D, i)) <= FITS * most && fabs(rate[i]) / unit_of(own_of(D, i)) <= FITS * most) undecided[count++] = i;
     for (long a = 0; a < count; a++)

@@ -455,12 +455,7 @@ static double slip_noise(const Decision *D, long f) {
 /* Masks for the laws that have been found for accelerations. */
 static void set_masks(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
-    double largest = 0;
-    long n = D->n;
-    for (long i = 0; i < n; i++) {
-        double w = unit_of(own_of(D, i));
-        largest = fmax(largest, fmax(fabs(R.push[i]) * w, fabs(D->free[i]) / w));
-    }
+    double largest = largest_in(D, R.push);
     for (long i = 0; i < D->gaps; i++) {
         int carried = I->redundant && T->side[carried_of(I) + 1 + i] != 0;
         double least = I->changes_index ? 2 * EPS * largest : D->kind[i] == NO_IMPACT && !I->redundant ? 0 : NIL * largest; /* valves that leak have units too far apart */
@@ -696,10 +691,8 @@ static enum Code part_shared(Integrator *I, Room R, double planned, double later
 static int is_true_now(Integrator *I, Room R) {
     struct State *T = I->state;
     Decision D;
-    double most = 0;
-    if (!decision_at(I, I->t, I->x, &D)) return -1;
-    if (!rows_at(I, I->t, I->x)) return -1;
-    for (long k = 0; k < D.n; k++) most = fmax(most, fmax(fabs(R.push[k]) * unit_of(own_of(&D, k)), fabs(D.free[k]) / unit_of(own_of(&D, k))));
+    if (!decision_at(I, I->t, I->x, &D) || !rows_at(I, I->t, I->x)) return -1;
+    double most = largest_in(&D, R.push);
     for (long i = 0; i < D.gaps; i++) {
         double unit = unit_of(own_of(&D, i)), size = T->side[i] == 1 ? T->one_row[i] * unit : T->one_row[i] / unit;
         if (size < -ATTRACTS * most && T->one_row[i] < -T->row_noise[i]) return 0;
@@ -877,9 +870,9 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
     for (long i = 0; i < D->gaps; i++) holds |= I->state->side[i] == 1;
     if (!I->magnitudes && !holds) return REACHED_END;
     if (!rows_at(I, I->t, I->x)) return INPUT_FAILED;
+    double most = largest_in(D, R.push);
     for (long i = 0; i < D->gaps; i++) { /* in this mode the equations may say something else: then it is none */
-        double most = 0, unit = unit_of(own_of(D, i));
-        for (long k = 0; k < D->n; k++) most = fmax(most, fmax(fabs(R.push[k]) * unit_of(own_of(D, k)), fabs(D->free[k]) / unit_of(own_of(D, k))));
+        double unit = unit_of(own_of(D, i));
         if (I->state->side[i] != 1 || !(I->state->one_row[i] * unit < -ATTRACTS * most) || I->state->one_row[i] >= -I->state->row_noise[i]) continue;
         int soon = D->kind[i] == NO_IMPACT ? holds_soon(I, i) : 0;
         if (soon < 0) return INPUT_FAILED;
