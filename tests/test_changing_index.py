@@ -12,6 +12,7 @@ import pytest
 
 import acausal as ac
 from components import Capacitor, Ground, IdealDiode, Inductor, Resistor, Thyristor, VoltageSource
+from tests.circuits import between_nodes
 
 AMPLITUDE = 10.0
 
@@ -280,18 +281,7 @@ def drawn(seed: int, order: np.random.Generator | None) -> tuple[Any, list[Any],
             "L": lambda v=value: Inductor(0.3 * v * T * R),
         }
         parts.append(made[kind]())
-    scene: Any = ac.System()
-    scene.ground = Ground()
-    scene.elements = list(parts) if order is None else [parts[k] for k in order.permutation(len(parts))]
-    for node in range(nodes):
-        pins = [
-            pin
-            for part, pair in zip(parts, ends, strict=True)
-            for pin, end in zip((part.pin_a, part.pin_b), pair, strict=True)
-            if end == node
-        ]
-        scene.connect(*([scene.ground.pin] if node == 0 else []), *pins)
-    return scene, parts, T, V
+    return between_nodes(parts, ends, nodes, order), parts, T, V
 
 
 @pytest.mark.parametrize("seed", [18, 27, 31, 36, 45, 66, 82, 84, 87, 106, 126, 127, 128, 148, 185, 188, 211, 213])

@@ -12,6 +12,7 @@ import pytest
 
 import acausal as ac
 from components import Capacitor, Ground, IdealDiode, Inductor, Resistor, VoltageSource
+from tests.circuits import between_nodes
 
 RTOL = 1e-10
 
@@ -38,18 +39,7 @@ def drawn(seed: int, resistance: float, order: np.random.Generator | None) -> tu
             "L": lambda v=value: Inductor(0.3 * v * T * R),
         }
         parts.append(made[kind]())
-    scene = ac.System()
-    scene.ground = Ground()
-    scene.elements = list(parts) if order is None else [parts[k] for k in order.permutation(len(parts))]
-    for node in range(nodes):
-        pins = [
-            pin
-            for part, pair in zip(parts, ends, strict=True)
-            for pin, end in zip((part.pin_a, part.pin_b), pair, strict=True)
-            if end == node
-        ]
-        scene.connect(*([scene.ground.pin] if node == 0 else []), *pins)
-    return scene, parts, T, V
+    return between_nodes(parts, ends, nodes, order), parts, T, V
 
 
 def obeys(run: Any, parts: list[Any], size: float) -> None:
