@@ -34,6 +34,7 @@ from tests.exported import (
     WARNINGS,
     InputFunction,
     Library,
+    command,
     compiled,
     printed,
     program,
@@ -143,8 +144,26 @@ def test_another_compiler_gives_the_same(tmp_path):
     """As libm of the two may differ, the same to rounding."""
     _, _, end, library = exported("four_bar")
     made = tmp_path / "library.so"
-    line = [sys.executable, "-m", "ziglang", "cc", *FLAGS, "-O0", "-Wno-psabi", "-shared", "-o", str(made)]
-    subprocess.run([*line, "simulator.c", "model.c", "runtime.c", "-lm"], cwd=library.path.parent, check=True)
+    objects = [tmp_path / f"{name}.o" for name in ("simulator", "model", "runtime")]
+    for each in objects:
+        line = [
+            sys.executable,
+            "-m",
+            "ziglang",
+            "cc",
+            *FLAGS,
+            "-O0",
+            "-Wno-psabi",
+            "-fsanitize-trap=undefined",
+            "-c",
+            "-o",
+            str(each),
+            f"{each.stem}.c",
+        ]
+        subprocess.run(line, cwd=library.path.parent, check=True)
+    subprocess.run(
+        [*command(), "-shared", "-o", str(made), *map(str, objects), "-lm"], check=True
+    )  # linked by the one that is there
     times = np.linspace(0, end, 40)
     other = Library.__new__(Library)
     (tmp_path / "libsimulator.so").symlink_to(made)
@@ -267,13 +286,13 @@ def test_folder_that_cannot_be_written(tmp_path):
 
 TWO = r"""
 #include <cstdio>
-#include "one/one.h"
+#include "simulator/simulator.h"
 #include "two/two.h"
 static int advance(const char *, const char *) { return 7; }
 int main() {
     double times[2] = {0.5, 1}, x[100];
-    int failed = one_simulate(0, 0, 0, 0, 0, 2, times, x, 0);
-    for (long i = 0; i < 2 * ONE_STATES; i++) std::printf("%.17g\n", x[i]);
+    int failed = simulator_simulate(0, 0, 0, 0, 0, 2, times, x, 0);
+    for (long i = 0; i < 2 * SIMULATOR_STATES; i++) std::printf("%.17g\n", x[i]);
     two_instance *two = two_create(0, 0, 0);
     failed += two_start(two, 0) + two_set_end(two, 1.0);
     for (int k = 0; k < 2; k++) {
@@ -292,7 +311,7 @@ def test_two_models_in_one_program_of_another_language_and_loaded_for_all_to_see
     objects: list[str] = []
     expected: list[np.ndarray] = []
     libraries: list[Library] = []
-    for name, scene in (("one", "pendulum"), ("two", "four_bar")):
+    for name, scene in (("simulator", "pendulum"), ("two", "four_bar")):
         model, start, _ = SCENES[scene]()
         folder = model.export_simulator(tmp_path / name, start, name=name)
         for source in (f"{name}.c", "model.c"):

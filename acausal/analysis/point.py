@@ -10,7 +10,6 @@ import numpy as np
 
 from acausal.errors import StartValueError
 from acausal.numerics.bound import Columns
-from acausal.numerics.folding import folded_function
 from acausal.numerics.rounding import Rounding
 from acausal.outputs.functions import Functions
 from acausal.reduce.reduce import ReducedSystem
@@ -55,7 +54,7 @@ class Differentiable:
     def __init__(self, system: ReducedSystem, column: ca.SX) -> None:
         self.size = column.numel()
         arguments = [system.t, system.x, system.u, system.p]
-        function = folded_function("column", arguments, [ca.densify(column)]) if self.size else None
+        function = ca.Function("column", arguments, [ca.densify(column)]) if self.size else None  # seen too seldom to be folded
         self._values = None if function is None else Columns(function)
         self._rounding = None if function is None else Rounding(function)
         self._forward = None if function is None else Columns(function.forward(1))

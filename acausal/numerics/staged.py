@@ -189,7 +189,7 @@ class Staged:
         """The same in symbols."""
         arguments = symbols_of(self)
         results, systems = called(self, arguments)
-        return folded_function(self.name(), arguments, [systems.unrolled(result) for result in results])
+        return ca.Function(self.name(), arguments, [systems.unrolled(result) for result in results])
 
 
 Function = ca.Function | Staged

@@ -5,7 +5,6 @@ from __future__ import annotations
 import casadi as ca
 
 from acausal.collocation.modes import ModeFunctions
-from acausal.numerics.folding import folded_function
 from acausal.numerics.staged import Function, Staged, Systems
 from acausal.reduce.modes import Modes
 from acausal.reduce.reduce import ReducedSystem
@@ -36,15 +35,15 @@ def mode_functions(
         rows, step = ca.vertcat(rows, space.put(m.invariants)), step + space.put(space.kept(m.correction))
 
     def function(name: str, result: ca.SX) -> ca.Function:
-        return folded_function(name, [t, x, u, p], [ca.densify(space.put(result))], ["t", "x", "u", "p"], [name])
+        return ca.Function(name, [t, x, u, p], [ca.densify(space.put(result))], ["t", "x", "u", "p"], [name])
 
     systems = Systems() if m is None else m.systems.with_operands(space.put)
 
     def masked(name: str, result: ca.SX) -> Function:
-        return Staged.of(name, [t, x, masks, p], [ca.densify(result)], systems)
+        return Staged.of(name, [t, x, masks, p], [ca.densify(result)], systems, fold=False)
 
     def invariants_of(name: str, result: ca.SX) -> ca.Function:
-        return folded_function(name, [t, x, masks, p], [ca.densify(result)], ["t", "x", "masks", "p"], [name])
+        return ca.Function(name, [t, x, masks, p], [ca.densify(result)], ["t", "x", "masks", "p"], [name])
 
     discretes = len(system.flat.discretes)
     if m is None:
@@ -59,7 +58,7 @@ def mode_functions(
         terms = -ca.fmax(m.index.terms, _LEAST)  # of no gaps
     return ModeFunctions(
         m.one_sided, size.count(1), size.count(2), size.count(3), len(m.magnitudes.sizes), m.redundant,
-        Staged.of("mode_guards", [t, x, u, p], [ca.densify(space.put(m.guards))], systems),
+        Staged.of("mode_guards", [t, x, u, p], [ca.densify(space.put(m.guards))], systems, fold=False),
         function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m), _pressures(m), _index(m))),
         function("terms", terms),
         invariants_of("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes, changes_index=m.index is not None,
