@@ -14,6 +14,7 @@ from acausal.errors import EquilibriumError, OptionError, StartValueError, Unkno
 from components import (
     AngleSource,
     Fixed,
+    FlexibleBeam,
     ParametricCurve,
     Particle,
     PointOnCurve,
@@ -25,6 +26,7 @@ from components import (
     RollingDisk,
     RotationalGround,
     RotationalSpring,
+    Section,
     SlidingMass,
     Spherical,
     Spring,
@@ -455,3 +457,17 @@ def test_springs_of_all_stiffnesses_on_loops_come_to_rest_where_the_energy_is_le
     place = np.array([*(found[hip.q] for hip in scene.hips), *(found[scene.plate.frame.position] / size)])
     assert place == pytest.approx(scene.lowest(place + 0.01 * np.random.default_rng(0).normal(size=6)), abs=1e-5)
     assert found.stability == "neutral"
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("modes", [2, 4, 7])
+def test_a_beam_sags_by_the_formula_of_books_however_many_shapes_it_has(size, modes):
+    """rho A g L^4 / (8 E I), far more than what each shape would yield alone; a scene that nothing but this gives a size."""
+    length, side, modulus, density = 0.8 * size, 0.01 * size, 7e10 * size, 2700.0
+    scene = ac.System()
+    scene.world, section = World(gravity=(0, 0, -G)), Section.rectangle(side, side)
+    scene.beam = FlexibleBeam(length, section, youngs_modulus=modulus, density=density, bending=(0, modes), modes="craig-bampton")
+    scene.connect(scene.world.at((0, 0, 0), rotation=("x", 0.3)), scene.beam.frame_a)
+    sag = ac.build(scene).equilibrium()[scene.beam.frame_b.position]
+    bent = density * side**2 * G * np.cos(0.3) * length**4 / (8 * modulus * side**4 / 12)
+    assert sag / size == pytest.approx(np.array([length, bent * np.sin(0.3), -bent * np.cos(0.3)]) / size, rel=1e-10, abs=1e-13)

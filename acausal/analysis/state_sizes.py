@@ -9,6 +9,7 @@ import numpy as np
 
 from acausal.analysis.point import Differentiable, OperatingPoint
 from acausal.dynamics.slopes import slopes_of_places
+from acausal.numerics.thresholds import RANK
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.coordinates import coordinates, reach, turning_states
 
@@ -49,12 +50,13 @@ class Sizes:
 def sizes_at(s: ReducedSystem, x_dot: Differentiable, at: OperatingPoint) -> Sizes:
     """At a point, from the rates of all states and their derivatives there."""
     nq, last = s.nq, s.nq + s.tree_velocities
-    f, J = _finite(x_dot.value(at)), _finite(x_dot.along(at, np.eye(at.x.size)))
+    rates, slopes = x_dot.value(at), x_dot.along(at, np.eye(at.x.size))
+    f, J = _finite(rates), _finite(slopes)
     if last < at.x.size:  # what balances is there, though nothing is left of it
         terms = _finite(x_dot.terms(at))
         f[last:] = np.where(f < _ROUNDED * terms, terms, f)[last:]
     size = np.zeros(at.x.size)
-    size[:nq] = _coordinates(s, at, f, J)
+    size[:nq] = _coordinates(s, at, rates, slopes)
     push = f[nq:last] + J[nq:last, :nq] @ size[:nq]
     # how fast a velocity must be to move some coordinate by its size in a time of 1
     far = _known(np.min(_over(size[:nq, None], J[:nq, nq:last], np.inf), axis=0, initial=np.inf))
@@ -102,11 +104,20 @@ def _coordinates(s: ReducedSystem, at: OperatingPoint, f: np.ndarray, J: np.ndar
     found = coordinates(s.mechanics, s.p, at.p, q, s.scalar.position)
     length, size, turning = reach(s.mechanics, s.p, at.p, q, found.all), np.ones(nq), turning_states(s)[0]
     if not 0 < length < np.inf:
-        stiffness = J[nq:last, :nq][:, ~turning]
-        length = float(np.max(_over(f[nq:last, None], stiffness, 0.0), initial=0.0))
+        length = _yielded(f[nq:last], J[nq:last, :nq][:, ~turning])
     else:
         size[: q.size] /= slopes_of_places(s.mechanics.tree, s.p, q, at.p, at.t)
     return np.where(turning, 1.0, size * (length if 0 < length < np.inf else 1.0))
+
+
+def _yielded(push: np.ndarray, stiffness: np.ndarray) -> float:
+    """The largest of the changes that balance a push (n,), as far as a stiffness (n, m) does."""
+    most = np.max(np.abs(stiffness), axis=1, initial=0.0)
+    held = (most > 0) & np.isfinite(most) & np.isfinite(push)
+    if not held.any():
+        return 0.0
+    rows = stiffness[held] / most[held, None]
+    return float(np.max(np.abs(np.linalg.lstsq(rows, push[held] / most[held], rcond=RANK)[0]), initial=0.0))
 
 
 def _settling(f: np.ndarray, J: np.ndarray, size: np.ndarray) -> np.ndarray:
