@@ -8,7 +8,8 @@ from typing import Any, final
 import casadi as ca
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Expression, Scalar, formula, leaves, of_time, scalar, sx, time, vector
+from acausal.language.expression import Expression, Scalar, leaves, of_time, scalar, sx, time, vector
+from acausal.language.lookup import at_symbols
 from acausal.language.origin import origin
 from acausal.parts.field import AbstractField, AbstractMutualField
 
@@ -87,16 +88,7 @@ class PotentialField(AbstractField):
 
 
 def _of_place(potential: Callable[[ca.SX, ca.SX], Any], p: ca.SX) -> ca.SX:
-    if not callable(potential):  # pyright: ignore[reportUnnecessaryComparison]
-        raise ParameterError(
-            f"PotentialField's potential is {potential!r} ({origin()}). Give a function of place and time: lambda p, t: 9.81 * p[2]."
-        )
-    try:
-        found = formula(sx(potential(p, time.sx)), "PotentialField's potential")
-    except (TypeError, AttributeError, ValueError, ArithmeticError, NotImplementedError, RuntimeError) as error:
-        raise ParameterError(
-            f"PotentialField's potential fails with CasADi's symbols ({origin()}): {str(error).rstrip('.')}. Use CasADi's functions: ca.sqrt, ca.exp, ca.if_else."
-        ) from None
+    found = at_symbols(potential, "PotentialField's potential", "p, t", p, time.sx)
     if found.shape != (1, 1):
         raise ParameterError(
             f"PotentialField's potential has the shape {found.shape} ({origin()}). It is one number, in m^2/s^2."

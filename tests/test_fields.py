@@ -296,8 +296,8 @@ def test_a_mount_turns_on_beyond_half_a_turn_as_a_pendulum(angle):
     [
         (lambda: CentralField(-1.0), "mu"),
         (lambda: PotentialField(lambda p, t: p), "one number"),
-        (lambda: PotentialField(3.0), "function of place and time"),
-        (lambda: PotentialField(lambda p: p[0]), "CasADi's symbols"),
+        (lambda: PotentialField(3.0), "lambda p, t"),
+        (lambda: PotentialField(lambda p: p[0]), "called with symbols"),
         (lambda: Bushing((1, 2, 3)), "six numbers"),
         (lambda: Bushing((1, 2, 3, 4, 5, -6)), "negative direction"),
         (lambda: Drag(quadratic=-1.0), "quadratic"),

@@ -10,7 +10,20 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import cumulative_simpson, quad, solve_ivp
-from scipy.interpolate import Akima1DInterpolator, CubicSpline, PchipInterpolator, UnivariateSpline, interp1d, make_interp_spline
+from scipy.interpolate import (
+    Akima1DInterpolator,
+    BivariateSpline,
+    CubicSpline,
+    NdBSpline,
+    PchipInterpolator,
+    RBFInterpolator,
+    RectBivariateSpline,
+    RegularGridInterpolator,
+    SmoothBivariateSpline,
+    UnivariateSpline,
+    interp1d,
+    make_interp_spline,
+)  # fmt: skip
 
 import acausal as ac
 from acausal.language.expression import formula
@@ -21,15 +34,19 @@ from components import (
     AngleSource,
     Bushing,
     Cable,
+    ConvexShape,
     Coulomb,
     Force,
     ForceSensor,
     Gain,
+    HeightField,
     Inertia,
     Integrator,
     JointFriction,
     NonlinearSpring,
+    ParametricCurve,
     Particle,
+    PotentialField,
     Prismatic,
     Revolute,
     RigidBody,
@@ -541,6 +558,75 @@ def test_curves_of_scipy_are_looked_up_at_expressions(curve):
     )
 
 
+TABLES: dict[str, Callable[..., Any]] = {
+    "rectangle": lambda x, y, z: RectBivariateSpline(x, y, z, kx=2, ky=3), "smoothed": lambda x, y, z: RectBivariateSpline(x, y, z, s=0.5),
+    "scattered": lambda x, y, z: SmoothBivariateSpline(np.repeat(x, y.size), np.tile(y, x.size), z.ravel(), kx=2, ky=2),
+    "linear": lambda x, y, z: RegularGridInterpolator((x, y), z, bounds_error=False, fill_value=None),
+    "filled": lambda x, y, z: RegularGridInterpolator((x, y), z, bounds_error=False, fill_value=7.0),
+    "cubic": lambda x, y, z: RegularGridInterpolator((x, y), z, "cubic", bounds_error=False, fill_value=None, solver=_direct),
+    "quintic": lambda x, y, z: RegularGridInterpolator((x, y), z, "quintic", bounds_error=False, fill_value=np.nan, solver=_direct),
+    "b-spline": lambda x, y, z: NdBSpline((np.r_[x[0] - 1, x, x[-1] + 1], np.r_[y[0] - 1, y, y[-1] + 1]), z[:, :-1], (1, 2)),
+    "casadi": lambda x, y, z: ca.interpolant("table", "bspline", [x, y], z.ravel(order="F")),
+}  # fmt: skip
+
+
+def _direct(A, b, **_):
+    """In place of scipy's own way, which stops at 1e-6."""
+    return np.linalg.solve(A.toarray(), b), 0
+
+
+@pytest.mark.parametrize("table", TABLES.values(), ids=TABLES)
+def test_tables_of_two_variables_are_looked_up_and_are_ground_to_stand_on(table):
+    """The same numbers as scipy's, on the data and beyond, at expressions, and as the height of a ground."""
+    rng = np.random.default_rng(6)
+    x, y = np.sort(rng.uniform(-1, 2, 8)), np.sort(rng.uniform(-3, 1, 7))
+    found = table(x, y, rng.normal(size=(8, 7)))
+    a, b = ca.SX.sym("a"), ca.SX.sym("b")
+    read = ca.Function("read", [a, b], [ac.lookup(found, 2 * a, b - 1).sx, HeightField(found).point(ca.vertcat(2 * a, b - 1))[2]])
+    inside = isinstance(found, ca.Function)  # CasADi's are zero beyond, ours too, but for the border itself
+    for u, w in zip(
+        rng.uniform(x[0], x[-1], 60) if inside else rng.uniform(-2, 3, 60),
+        rng.uniform(y[0], y[-1], 60) if inside else rng.uniform(-4, 2, 60),
+        strict=True,
+    ):
+        wanted = found(u, w) if isinstance(found, BivariateSpline) else np.array(found([u, w]))
+        np.testing.assert_allclose([float(value) for value in read(u / 2, w + 1)], [wanted.item()] * 2, rtol=1e-9, atol=1e-9)
+
+
+def test_tables_have_as_many_variables_as_they_are_asked_at():
+    grid = [np.linspace(0, 1, 4)] * 3
+    values = np.random.default_rng(1).normal(size=(4, 4, 4))
+    at = ca.SX.sym("at", 3)
+    read = ca.Function("read", [at], [ac.lookup(RegularGridInterpolator(grid, values), at).sx])
+    for place in np.random.default_rng(2).uniform(0, 1, (20, 3)):
+        assert float(read(place)) == pytest.approx(RegularGridInterpolator(grid, values)(place).item(), rel=1e-12)
+    assert np.isnan(float(read([0.5, 0.5, 1.1])))
+    for given, said in (
+        (RegularGridInterpolator(grid, values), "has 3 variables, and was given 2"),
+        (RegularGridInterpolator(grid, values, "nearest"), "'nearest' cannot stand here"),
+        (RegularGridInterpolator(grid[:2], values), "more than one value"),
+        (RBFInterpolator(np.eye(2), [0, 1], kernel="linear"), "no piecewise polynomial"),
+        (ca.interpolant("table", "linear", [grid[0]], values[0, 0]), "one variable"),
+    ):
+        with pytest.raises(ac.errors.ParameterError, match=said):
+            ac.lookup(given, ac.time, 2.0)
+
+
+LAWS: dict[str, Callable[..., Any]] = {
+    "curve": lambda: ParametricCurve(lambda s: (np.cos(s), np.sin(s), np.exp(s) * np.hypot(s, 1.0))),
+    "surface": lambda: HeightField(lambda x, y: np.maximum(x, np.sqrt(1 + y**2))),
+    "shape": lambda: ConvexShape(lambda n: np.sqrt(n[0] ** 2 + 2 * n[1] ** 2 + 3 * n[2] ** 2) + np.linalg.norm(n)),
+    "field": lambda: PotentialField(lambda p, t: np.sin(t) * np.dot(p, p)),
+    "spring": lambda: NonlinearSpring(lambda length: np.log(np.cosh(length))),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+def test_laws_of_parts_take_functions_of_numpy(law):
+    """Without a word of CasADi's (warnings are errors here)."""
+    law()
+
+
 def test_rotor_runs_up_by_a_curve_of_its_speed():
     """As its time says: the integral of inertia over torque."""
     curve = PchipInterpolator([0, 50, 100, 200, 400], [10, 12, 11, 6, 0.5])
@@ -555,7 +641,7 @@ def test_rotor_runs_up_by_a_curve_of_its_speed():
 
 def test_what_is_no_curve_of_one_variable_is_refused_and_curves_that_are_called_are_told_of():
     curve = CubicSpline([0, 1, 2], [0, 1, 0])
-    for given, at, said in ((3, ac.time, "no curve"), (curve, ca.SX.sym("x", 2), "one variable")):
+    for given, at, said in ((3, ac.time, "no curve"), (curve, ca.SX.sym("x", 2), "one variable, and was given 2")):
         with pytest.raises(ac.errors.ParameterError, match=said):
             ac.lookup(given, at)
     with pytest.raises(ac.errors.ExpressionError, match=r"ac\.lookup"):

@@ -48,7 +48,7 @@ def is_no_number(value: ca.SX) -> bool:
 def without_calls(value: ca.SX) -> ca.SX | None:
     """The same with formulas in place of calls of `interpolant` and `bspline`; None where something else is called."""
     found: dict[int, ca.SX] = {}
-    formulas: dict[int, _Table | None] = {}
+    formulas: dict[int, Table | None] = {}
     roots = ca.vertsplit(ca.vec(ca.densify(value)))
     for node in _in_order(roots):
         key = node.element_hash()
@@ -89,11 +89,16 @@ def _in_order(roots: Sequence[ca.SX]) -> Iterator[ca.SX]:
 
 
 @dataclass(frozen=True)
-class _Table:
+class Table:
     """A tensor product of piecewise polynomials: `coefficients` (pieces, powers) for each argument in turn, `begins` of the pieces."""
 
     begins: tuple[np.ndarray, ...]
     coefficients: np.ndarray
+
+    @property
+    def variables(self) -> int:
+        """The number of arguments."""
+        return len(self.begins)
 
     def at(self, x: Sequence[ca.SX]) -> ca.SX:
         """The value, by Horner's rule in the pieces that the arguments are in."""
@@ -121,7 +126,7 @@ def chosen(entries: Sequence[ca.SX], between: np.ndarray, x: ca.SX) -> ca.SX:
     )
 
 
-def _table(function: ca.Function) -> _Table | None:
+def _table(function: ca.Function) -> Table | None:
     """Of a function that is an interpolant or a B-spline of one value, and is found to be what it computes; else None."""
     if function.n_in() != 1 or function.n_out() != 1 or function.numel_out(0) != 1:
         return None
@@ -140,33 +145,39 @@ def _table(function: ca.Function) -> _Table | None:
     axes = [np.array(knots[int(a) : int(b)]) for a, b in itertools.pairwise(offset)]
     if linear:
         axes = [np.concatenate([axis[:1], axis, axis[-1:]]) for axis in axes]
-    table = _product(axes, [int(d) for d in degrees], np.array(values), linear)
+    counts = [axis.size - int(degree) - 1 for axis, degree in zip(axes, degrees, strict=True)]
+    if np.prod(counts) != len(values) or min(counts) < 1:
+        return None
+    table = product(axes, [int(d) for d in degrees], np.array(values).reshape(counts, order="F"), going_on=linear)
     return table if table is not None and _agrees(table, function, axes) else None
 
 
-def _product(axes: list[np.ndarray], degrees: list[int], values: np.ndarray, linear: bool) -> _Table | None:
-    """Of knots along each argument, and values whose first index runs first; beyond linear ones go on, others are zero, as in CasADi."""
+def product(axes: Sequence[np.ndarray], degrees: Sequence[int], coefficients: np.ndarray, *, going_on: bool) -> Table | None:
+    """Of knots along each argument and coefficients of B-splines, one index for each argument: beyond, the outermost pieces go on, or it is zero.
+
+    None for coefficients of another shape.
+    """
     from scipy.interpolate import BSpline
 
     counts = [axis.size - degree - 1 for axis, degree in zip(axes, degrees, strict=True)]
-    if np.prod(counts) != values.size or min(counts) < 1:
+    if list(coefficients.shape) != counts:
         return None
-    found, begins = values.reshape(counts, order="F"), list[np.ndarray]()
+    found, begins = coefficients, list[np.ndarray]()
     for k, (axis, degree, count) in enumerate(zip(axes, degrees, counts, strict=True)):
         real = np.diff(axis) > 0
         each = [polynomials_of(BSpline(axis, unit, degree)).c[:, real].T for unit in np.eye(count)]
         basis, starts = np.stack(each, axis=2), axis[:-1][real]
-        if not linear:
+        if not going_on:
             none = np.zeros_like(basis[:1])
             basis = np.concatenate([none, basis, none])
             starts = np.concatenate([[-np.inf], starts, [np.nextafter(axis[-1], np.inf)]])
         # arguments done stand as pairs (pieces, powers) in front
         found = np.moveaxis(np.tensordot(basis, found, axes=([2], [2 * k])), (0, 1), (2 * k, 2 * k + 1))
         begins.append(starts)
-    return _Table(tuple(begins), found)
+    return Table(tuple(begins), found)
 
 
-def _agrees(table: _Table, function: ca.Function, axes: list[np.ndarray]) -> bool:
+def _agrees(table: Table, function: ca.Function, axes: list[np.ndarray]) -> bool:
     """At random places inside and a little outside."""
     x = ca.SX.sym("x", len(axes))
     own = ca.Function("own", [x], [table.at(ca.vertsplit(x))])

@@ -47,7 +47,7 @@ def pieces_of(spline: Any) -> list[PiecewisePolynomial]:
     if not isinstance(spline, PPoly) or np.iscomplexobj(spline.c) or spline.c.ndim > 3:
         raise ParameterError(
             f"{type(spline).__name__} of scipy is no piecewise polynomial of one variable ({origin()}). Use ac.samples(times, values), or of scipy "
-            "CubicSpline, PchipInterpolator, Akima1DInterpolator or make_interp_spline."
+            "CubicSpline, PchipInterpolator, Akima1DInterpolator or make_interp_spline; ac.lookup takes RectBivariateSpline and RegularGridInterpolator."
         )
     c, knots = np.asarray(spline.c), np.asarray(spline.x, dtype=float)
     first, last = float(knots[0]), float(knots[-1])

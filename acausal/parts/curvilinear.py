@@ -17,7 +17,8 @@ import casadi as ca
 
 from acausal.arguments import shown
 from acausal.errors import ParameterError
-from acausal.language.expression import Expression, Scalar, formula, leaves, sx
+from acausal.language.expression import Expression, Scalar, leaves, sx
+from acausal.language.lookup import at_symbols
 from acausal.language.origin import origin
 from acausal.language.vectors import norm
 
@@ -58,13 +59,7 @@ def chart(coordinates: Callable[[Any], Any], position: Scalar) -> Three:
 
     parabolic = lambda p: (ca.sqrt(ca.norm_2(p) + p[2]), ca.sqrt(ca.norm_2(p) - p[2]), ca.atan2(p[1], p[0]))
     """
-    p = ca.vertcat(*_entries(position))
-    try:
-        found = formula(sx(coordinates(p)), "The chart")
-    except (TypeError, AttributeError, ValueError, ArithmeticError, NotImplementedError, RuntimeError) as error:
-        raise ParameterError(
-            f"The chart cannot be used ({origin()}): {str(error).rstrip('.')}. Give a function of a place p (3, 1) in CasADi's functions."
-        ) from error
+    found = at_symbols(coordinates, "The chart", "p", ca.vertcat(*_entries(position)))
     if found.shape != (3, 1):
         raise ParameterError(f"The chart gives something of shape {found.shape} ({origin()}). It must give three coordinates.")
     q = [Expression(found[k], leaves(position)) for k in range(3)]

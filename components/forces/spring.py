@@ -8,7 +8,8 @@ from typing import Any, final
 import casadi as ca
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Expression, Scalar, formula, leaves, scalar, sx
+from acausal.language.expression import Expression, Scalar, declared_in, scalar, sx
+from acausal.language.lookup import at_symbols
 from acausal.language.origin import origin
 from acausal.parts.force import AbstractLineForce
 
@@ -92,7 +93,7 @@ class NonlinearSpring(AbstractLineForce):
         return ca.substitute(ca.gradient(self.potential(symbol), symbol), symbol, length)
 
     def potential(self, length: ca.SX) -> ca.SX:
-        return formula(ca.SX(self._potential(length)), "NonlinearSpring's potential")
+        return at_symbols(self._potential, "NonlinearSpring's potential", "length", length)
 
 
 @final
@@ -107,7 +108,7 @@ class NonlinearDamper(AbstractLineForce):
         self._force = force
 
     def tension(self, length: ca.SX, rate: ca.SX) -> ca.SX:
-        return formula(ca.SX(self._force(length, rate)), "NonlinearDamper's force")
+        return at_symbols(self._force, "NonlinearDamper's force", "length, rate", length, rate)
 
     def potential(self, length: ca.SX) -> ca.SX:
         return ca.SX(0)
@@ -115,14 +116,7 @@ class NonlinearDamper(AbstractLineForce):
 
 def tried(law: Callable[..., Any], what: str, arguments: str, *values: ca.SX) -> Expression:
     """The law of symbols, with the parameters in it. Raises `ParameterError` for what is no function, or none of these symbols, or gives no scalar."""
-    try:
-        found = law(*values)
-        result = formula(ca.SX(found), what)
-    except (TypeError, AttributeError, ValueError, ArithmeticError, NotImplementedError, RuntimeError) as error:
-        raise ParameterError(
-            f"{what} cannot be used ({origin()}): {str(error).rstrip('.')}. It must be a function of ({arguments}) in numpy's or CasADi's functions, which "
-            f"is called with symbols: lambda {arguments}: ..."
-        ) from error
+    result = at_symbols(law, what, arguments, *values)
     if not result.is_scalar():
         raise ParameterError(f"{what} must give one number, not {result.shape} ({origin()}).")
-    return Expression(result, leaves(found))
+    return Expression(result, declared_in(result))

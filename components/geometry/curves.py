@@ -117,7 +117,7 @@ class ParametricCurve(AbstractCurve):
 
     def __init__(self, law: Callable[[ca.SX], Any], ends: tuple[float, float] | None = None, unit: str = "") -> None:
         self._s = ca.SX.sym("s")
-        self.law = place("ParametricCurve", law, self._s)
+        self.law = place("ParametricCurve", law, "s", self._s)
         self.ends = ends
         self.unit = unit  # pyright: ignore[reportAttributeAccessIssue]
 

@@ -33,7 +33,7 @@ class ImplicitSurface(AbstractSurface):
 
     def __init__(self, law: Callable[[ca.SX, ca.SX, ca.SX], Any], start: Scalar, *, flipped: bool = False) -> None:
         self._p = ca.SX.sym("p", 3)
-        self.law = place("ImplicitSurface", law, *ca.vertsplit(self._p), rows=1)
+        self.law = place("ImplicitSurface", law, "x, y, z", *ca.vertsplit(self._p), rows=1)
         self.side = -1.0 if flag(flipped, "ImplicitSurface's flipped") else 1.0
         near = vector(start, "ImplicitSurface's start", unit="m")
         if not isinstance(near, np.ndarray):

@@ -8,20 +8,14 @@ from typing import Any
 import casadi as ca
 
 from acausal.errors import ParameterError
-from acausal.language.expression import Expression, Parameter, Time, declared_in, formula, sx, time
+from acausal.language.expression import Expression, Parameter, Time, declared_in, time
+from acausal.language.lookup import at_symbols
 from acausal.language.origin import origin
 
 
-def place(what: str, law: Callable[..., Any], *arguments: ca.SX, rows: int = 3) -> ca.SX:
+def place(what: str, law: Callable[..., Any], arguments: str, *symbols: ca.SX, rows: int = 3) -> ca.SX:
     """What the law of a curve or surface gives for symbols, a column of `rows`. Raises `ParameterError` naming `what` and the user's line."""
-    if not callable(law):  # pyright: ignore[reportUnnecessaryComparison]
-        raise ParameterError(f"{what} is given by {law!r} ({origin()}). Give a function, e.g. lambda s: (s, 0, s**2).")
-    try:
-        found = formula(sx(law(*arguments)), what)
-    except (TypeError, AttributeError, ValueError, ArithmeticError, NotImplementedError, RuntimeError) as error:
-        raise ParameterError(
-            f"{what}: the function fails with CasADi's symbols ({origin()}): {str(error).rstrip('.')}. Use ca.sin, ca.sqrt, ca.if_else and the like."
-        ) from None
+    found = at_symbols(law, what, arguments, *symbols)
     if found.shape != (rows, 1):
         wanted = {1: "one number", 2: "two numbers: (r, z)", 3: "three numbers: (x, y, z)"}[rows]
         raise ParameterError(f"{what}: the function gives the shape {found.shape} ({origin()}). Return {wanted}.")

@@ -137,7 +137,7 @@ class ConvexShape(AbstractShape):
 
     def __init__(self, distance: Callable[[ca.SX], Any]) -> None:
         self._n = ca.SX.sym("n", 3)
-        self.distance = place("ConvexShape", distance, self._n, rows=1)
+        self.distance = place("ConvexShape", distance, "n", self._n, rows=1)
         self.start = self._checked_start()  # pyright: ignore[reportAttributeAccessIssue]
 
     def touching(self, n: ca.SX) -> ca.SX:

@@ -417,14 +417,15 @@ class Cone(AbstractSurface):
 
 @final
 class HeightField(AbstractSurface):
-    """z = `height` (x, y) [m], its normal upwards, by CasADi's functions or an interpolant of CasADi. Coordinates: x and y [m].
+    """z = `height` (x, y) [m], its normal upwards, by numpy's or CasADi's functions, or by a table of scipy or CasADi, see `ac.lookup`.
+    Coordinates: x and y [m].
 
-    HeightField(lambda x, y: 0.5 * (x**2 + y**2))
+    HeightField(lambda x, y: 0.5 * (x**2 + y**2)); HeightField(RectBivariateSpline(x, y, heights))
     """
 
     def __init__(self, height: Callable[[ca.SX, ca.SX], Any]) -> None:
         self._q = ca.SX.sym("q", 2)
-        self.law = place("HeightField", height, self._q[0], self._q[1], rows=1)
+        self.law = place("HeightField", height, "x, y", self._q[0], self._q[1], rows=1)
 
     def point(self, q: ca.SX) -> ca.SX:
         return ca.vertcat(q, ca.substitute(self.law, self._q, q))
@@ -454,7 +455,7 @@ class ParametricSurface(AbstractSurface):
         start: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self._q = ca.SX.sym("q", 2)
-        self.law = place("ParametricSurface", law, self._q[0], self._q[1])
+        self.law = place("ParametricSurface", law, "a, b", self._q[0], self._q[1])
         self.ends = ends
         self.unit, self.start = unit, start  # pyright: ignore[reportAttributeAccessIssue]
 
@@ -485,7 +486,7 @@ class Revolution(AbstractSurface):
         flipped: bool = False,
     ) -> None:
         self._s = ca.SX.sym("s")
-        self.profile = place("Revolution", profile, self._s, rows=2)
+        self.profile = place("Revolution", profile, "s", self._s, rows=2)
         self.ends, self.side = ends, 1.0 if flag(flipped, "Revolution's flipped") else -1.0
         self.unit, self.start = unit, (start, 0.0)  # pyright: ignore[reportAttributeAccessIssue]
 
