@@ -6,6 +6,9 @@ closed forms.
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -16,6 +19,7 @@ from scipy.spatial.transform import Rotation
 
 import acausal as ac
 from acausal import curvilinear, errors, rotations
+from acausal.language.expression import sx
 from components import (
     AccelerationSource,
     Accelerometer,
@@ -99,6 +103,46 @@ def test_a_free_particle_is_told_in_cylindrical_and_spherical_coordinates(size):
     )
     parabolic = curvilinear.chart(lambda p: (ca.sqrt(ca.norm_2(p) + p[2]), ca.sqrt(ca.norm_2(p) - p[2]), ca.atan2(p[1], p[0])), p)
     assert np.max(np.abs(run[parabolic[0]] * run[parabolic[1]] - run[r])) < 1e-9 * size
+
+
+CHARTS: dict[str, Callable[[Any], Any]] = {
+    "cylindrical": curvilinear.cylindrical,
+    "spherical": curvilinear.spherical,
+    "parabolic": lambda p: curvilinear.chart(lambda p: (ca.sqrt(ca.norm_2(p) + p[2]), ca.sqrt(ca.norm_2(p) - p[2]), np.arctan2(p[1], p[0])), p),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("chart", CHARTS.values(), ids=CHARTS)
+def test_starts_are_found_by_curvilinear_coordinates_from_the_place_where_these_have_no_value(chart, size):
+    """All bodies are drawn in one place: there lengths have no slope, and angles are anything."""
+    scene = ac.System()
+    scene.world, scene.bob, scene.ship = World(gravity=(0, 0, 0)), Particle(0.7), RigidBody(2.0, (1.0, 1.5, 2.0))
+    seen = scene.ship.frame.rotation.T @ (scene.bob.point.position - scene.ship.frame.position)
+    x, rng = ca.SX.sym("x", 3), np.random.default_rng(7)
+    place, velocity = rng.normal(size=(2, 3)) * size
+    read = ca.Function("read", [x], [ca.vertcat(*(sx(q) for q in chart(x)))])
+    values, rates = np.array(read(place)).ravel(), np.array(read.jacobian()(place, 0)) @ velocity
+    q = chart(seen)
+    start = dict(zip([*q, *map(ac.der, q)], [*values, *rates], strict=True))
+    run = ac.build(scene).simulate(0.1 * size, start | {scene.ship.frame.angular_velocity: (0.3, -0.2, 0.1)}, samples=2)
+    assert run[seen][0] / size == pytest.approx(place / size, abs=1e-11)
+    assert run[ac.der(seen)][0] / size == pytest.approx(velocity / size, abs=1e-10)
+
+
+def test_values_of_charts_and_rotations_are_called_by_name_where_they_cannot_be_met():
+    scene = ac.System()
+    scene.world, scene.body = World(), RigidBody(1.0, (1.0, 1.5, 2.0))
+    R, azimuth, polar = curvilinear.spherical(scene.body.frame.position)
+    angles = rotations.euler_angles(scene.body.frame.rotation, "intrinsic zxz")
+    model = ac.build(scene)
+    for start, said in (
+        ({R: 1.0, azimuth: 0.3, polar: 4.0}, r"polar angle\(body\.frame\) = 4 "),
+        ({angles: (0.1, -0.2, 0.3)}, r"intrinsic zxz\(body\.frame\) = \(0\.1, -0\.2, 0\.3\)"),
+        ({ac.der(angles[1]): np.nan}, r"der\(intrinsic zxz\(body\.frame\)\[1\]\)"),
+    ):
+        with pytest.raises(errors.StartValueError, match=said):
+            model.simulate(1.0, start)
 
 
 def test_coordinates_do_not_end_a_motion_through_the_axis():

@@ -60,7 +60,8 @@ def der(value: Expression | ca.SX) -> Expression:
     rate = ca.SX(*value.shape)
     for leaf, leaf_rate in zip(moving, rates, strict=True):
         rate += ca.jtimes(value.sx, leaf.sx, leaf_rate.sx)
-    return Expression(rate, value.leaves.union(*(r.leaves for r in rates)))
+    called = f"der({value.called})" if value.called else ""
+    return Expression(rate, value.leaves.union(*(r.leaves for r in rates)), called)
 
 
 def input_rate(symbol: Input) -> InputRate:

@@ -44,11 +44,17 @@ class Expression:
     """
 
     __array_priority__ = 2000.0
-    __slots__ = ("_leaves", "_sx")
+    __slots__ = ("_called", "_leaves", "_sx")
 
-    def __init__(self, sx: ca.SX, leaves: frozenset[Symbol]) -> None:
+    def __init__(self, sx: ca.SX, leaves: frozenset[Symbol], called: str = "") -> None:
         self._sx = sx
         self._leaves = leaves
+        self._called = called
+
+    @property
+    def called(self) -> str:
+        """What it is, as reports call it, with {} for what it is made of: "azimuth{}"; empty where its formula says it."""
+        return self._called
 
     @property
     def sx(self) -> ca.SX:
@@ -159,7 +165,9 @@ class Expression:
 
     def __getitem__(self, index: Any) -> Expression:
         try:
-            return Expression(self.sx[index], self.leaves)
+            return Expression(
+                self.sx[index], self.leaves, f"{self.called}[{index}]" if self.called and isinstance(index, int) else ""
+            )
         except (RuntimeError, NotImplementedError):
             raise ExpressionError(
                 f"{self!r} has no entry [{index!r}] ({origin()}): its shape is {self.shape}. Entries are counted from 0."

@@ -75,7 +75,7 @@ def _of_grid(given: Any) -> Table | Bounded:
     grid: Any = given
     if grid.fill_value is None and not grid.bounds_error:
         return _scalar(product(knots, degrees, coefficients, going_on=True))
-    return _bounded(knots, degrees, coefficients, np.nan if grid.bounds_error else float(grid.fill_value))
+    return _bounded(knots, degrees, coefficients, np.nan if grid.bounds_error else np.asarray(grid.fill_value).item())
 
 
 def _bounded(knots: list[np.ndarray], degrees: Any, coefficients: np.ndarray, outside: float | None) -> Bounded:

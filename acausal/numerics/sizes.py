@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields, replace
 import casadi as ca
 import numpy as np
 
-from acausal.numerics.thresholds import CLOSED, DEPENDENT
+from acausal.numerics.thresholds import CLOSED, CORNER, DEPENDENT
 
 _SAFETY = 1e3
 FAINT = 1e-6
@@ -174,7 +174,7 @@ def bent_size(terms: np.ndarray, bends: np.ndarray, used: np.ndarray | None = No
     Each by itself where rows bend along it: in a direction of all, differences that happen to be small look straight. `used` (m, k): which stand in
     which rows. Those that do though no row has a slope or bend that is a number, as in a distance that is zero, go as far as the terms, or else by 1.
     """
-    curved = (bends != 0) & np.isfinite(bends)
+    curved = (bends != 0) & (np.abs(bends) < CORNER)
     ratio = np.sqrt(2 * np.divide(terms[:, None], np.abs(bends), out=np.zeros(bends.shape), where=curved))
     reach = np.max(ratio, axis=0, initial=0.0)
     found = np.where(reach[:-1] > 0, reach[:-1], reach[-1])

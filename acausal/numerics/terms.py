@@ -8,6 +8,8 @@ from collections.abc import Callable
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.thresholds import CORNER
+
 _COPIES = (ca.OP_ASSIGN, ca.OP_LIFT)
 
 
@@ -66,9 +68,9 @@ def _square_of_result(code: int, values: list[ca.SX], squares: list[ca.SX]) -> c
 
 
 def finite(sizes: np.ndarray) -> np.ndarray:
-    """Sizes of terms, zero where a slope has no value."""
+    """Sizes of terms, zero where a slope has no value, or only one that was rounded off."""
     result = sizes.copy()
-    result[~(result < np.inf)] = 0.0
+    result[~(result < CORNER)] = 0.0
     return result
 
 

@@ -29,6 +29,8 @@ NEARLY = 3e-2
 """Rows that are independent by less than this are named when nothing can move: lengths or axes may be meant to fit."""
 STRIDE = 0.7
 """Longest step of a search: rad, or fractions of the length that belongs to the coordinate."""
+CORNER = 1e130
+"""Derivatives beyond this are those of a corner, as of the length of a vector that is zero: `ac.norm` and angles round it off by 1e-150."""
 EDGE = 1e-9
 """Cosine of a wheel's lean, or between a hinge's axes, that is zero but for rounding; what may be left, as part of them, of lengths that are to be
 the same and of powers that are to cancel.

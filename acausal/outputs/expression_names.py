@@ -9,7 +9,7 @@ import numpy as np
 
 from acausal.language.component import Component
 from acausal.language.connector import Point, Quantity
-from acausal.language.expression import Expression, Symbol, leaves, sx
+from acausal.language.expression import Derivative, Expression, Symbol, leaves, sx
 from acausal.numerics.thresholds import EDGE
 from acausal.parts.contact import AbstractTouch
 from acausal.parts.force import AbstractLineForce
@@ -22,10 +22,18 @@ _LONGEST = 80
 
 
 def expression_name(outputs: Outputs, wanted: Expression | ca.SX) -> str:
-    """Of the whole, e.g. `arm.elbow.q`, `floor.push.normal_force` or `(2*arm.elbow.q)`; cut off where it is long."""
+    """Of the whole, e.g. `arm.elbow.q`, `azimuth(bob.point)`, `floor.push.normal_force` or `(2*arm.elbow.q)`; cut off where it is long."""
     if isinstance(wanted, Symbol):
         return outputs.name(wanted)
+    if isinstance(wanted, Expression) and wanted.called:
+        return wanted.called.format(f"({','.join(_made_of(outputs, wanted))})")
     return _of_part(outputs, wanted) or _cut(_spelled(outputs, wanted))
+
+
+def _made_of(outputs: Outputs, wanted: Expression) -> list[str]:
+    """Names of the connectors and variables that it is read of."""
+    names = {leaf: outputs.name(leaf) for leaf in wanted.leaves if not isinstance(leaf, Derivative)}
+    return sorted({name.rpartition(".")[0] if isinstance(leaf, Quantity) else name for leaf, name in names.items()})
 
 
 _OF_TOUCH = ("gap", "normal_force", "slip", "force", "friction_force", "point_b", "point_a", "normal", "pivoting")
@@ -82,6 +90,8 @@ def labels(outputs: Outputs, wanted: Expression | ca.SX) -> tuple[str, ...]:
     """Of every entry, column by column."""
     if isinstance(wanted, Symbol):
         return entry_names(outputs.name(wanted), *wanted.shape)
+    if isinstance(wanted, Expression) and wanted.called:
+        return entry_names(expression_name(outputs, wanted), *wanted.shape)
     entries = ca.vec(ca.densify(_spelled(outputs, wanted)))
     return tuple(_cut(entries[i]) for i in range(entries.numel()))
 

@@ -29,7 +29,11 @@ def cylindrical(position: Scalar) -> Three:
     """r [m] >= 0 from the z axis, angle [rad] from x about z in (-pi, pi], and z [m], of a place (3,). On the axis the angle has no value."""
     x, y, z = _entries(position)
     found = leaves(position)
-    return norm(Expression(ca.vertcat(x, y), found)), Expression(ca.atan2(y, x), found), Expression(z, found)
+    return (
+        Expression(norm(Expression(ca.vertcat(x, y), found)).sx, found, "r{}"),
+        Expression(ca.atan2(y, x), found, "angle{}"),
+        Expression(z, found, "z{}"),
+    )
 
 
 def spherical(position: Scalar) -> Three:
@@ -38,9 +42,9 @@ def spherical(position: Scalar) -> Three:
     found = leaves(position)
     across = norm(Expression(ca.vertcat(x, y), found))
     return (
-        norm(Expression(ca.vertcat(x, y, z), found)),
-        Expression(ca.atan2(y, x), found),
-        Expression(ca.atan2(across.sx, z), found),
+        Expression(norm(Expression(ca.vertcat(x, y, z), found)).sx, found, "R{}"),
+        Expression(ca.atan2(y, x), found, "azimuth{}"),
+        Expression(ca.atan2(across.sx, z), found, "polar angle{}"),
     )
 
 
@@ -62,7 +66,7 @@ def chart(coordinates: Callable[[Any], Any], position: Scalar) -> Three:
     found = at_symbols(coordinates, "The chart", "p", ca.vertcat(*_entries(position)))
     if found.shape != (3, 1):
         raise ParameterError(f"The chart gives something of shape {found.shape} ({origin()}). It must give three coordinates.")
-    q = [Expression(found[k], leaves(position)) for k in range(3)]
+    q = [Expression(found[k], leaves(position), f"chart{{}}[{k}]") for k in range(3)]
     return q[0], q[1], q[2]
 
 

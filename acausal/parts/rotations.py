@@ -217,7 +217,9 @@ def euler_angles(R: Scalar, sequence: str) -> Expression:
     else:
         first, third = ca.atan2(-s * R_[j, k], R_[k, k]), ca.atan2(-s * R_[i, j], R_[i, i])
         second = ca.atan2(s * R_[i, k], _length(R_[i, i], R_[i, j]))
-    return Expression(ca.vertcat(first, second, third) if intrinsic else ca.vertcat(third, second, first), found)
+    return Expression(
+        ca.vertcat(first, second, third) if intrinsic else ca.vertcat(third, second, first), found, f"{sequence}{{}}"
+    )
 
 
 def axis_angle(axis: Axis, angle: Scalar) -> Expression:
@@ -253,7 +255,7 @@ def quaternion_of(R: Scalar, order: str = "wxyz") -> Expression:
     R_, found = _matrix(R)
     q = quaternion_from_matrix(R_)
     _ordered([q] * 4, order)
-    return Expression(q if order == "wxyz" else ca.vertcat(q[1:], q[0]), found)
+    return Expression(q if order == "wxyz" else ca.vertcat(q[1:], q[0]), found, "quaternion{}")
 
 
 def rodrigues(r: Scalar) -> Expression:
@@ -286,32 +288,32 @@ _VECTORS = {"rodrigues": rodrigues, "modified rodrigues": modified_rodrigues, "r
 def rodrigues_of(R: Scalar) -> Expression:
     """Rodrigues' vector (3, 1) of R (3, 3); infinite at half a turn."""
     w, v, found = _halves(R)
-    return Expression(v / w, found)
+    return Expression(v / w, found, "rodrigues{}")
 
 
 def modified_rodrigues_of(R: Scalar) -> Expression:
     """The vector axis tan(angle / 4), (3, 1), of R (3, 3); angles from 0 to pi."""
     w, v, found = _halves(R)
-    return Expression(v / (1 + w), found)
+    return Expression(v / (1 + w), found, "modified_rodrigues{}")
 
 
 def rotation_vector_of(R: Scalar) -> Expression:
     """The vector axis angle, (3, 1) [rad], of R (3, 3); angles from 0 to pi."""
     w, v, found = _halves(R)
     sine = _length(v[0], v[1], v[2])
-    return Expression(2 * ca.atan2(sine, w) / sine * v, found)
+    return Expression(2 * ca.atan2(sine, w) / sine * v, found, "rotation_vector{}")
 
 
 def axis_of(R: Scalar) -> Expression:
     """The unit vector (3, 1) that R (3, 3) turns about by `angle_of`, the same in A and in B; zeros where it does not turn."""
     _, v, found = _halves(R)
-    return Expression(v / _length(v[0], v[1], v[2]), found)
+    return Expression(v / _length(v[0], v[1], v[2]), found, "axis{}")
 
 
 def angle_of(R: Scalar) -> Expression:
     """The angle [rad] that R (3, 3) turns by, from 0 to pi."""
     w, v, found = _halves(R)
-    return Expression(2 * ca.atan2(_length(v[0], v[1], v[2]), w), found)
+    return Expression(2 * ca.atan2(_length(v[0], v[1], v[2]), w), found, "angle{}")
 
 
 def _halves(R: Scalar) -> tuple[ca.SX, ca.SX, frozenset[Any]]:
@@ -374,8 +376,8 @@ def anatomical_joint(proximal: Frame, distal: Frame, side: str = "right") -> Ana
     offset = proximal.rotation.T @ (distal.position - proximal.position)
     found = R.leaves | offset.leaves
     return AnatomicalJoint(
-        Expression(ca.atan2(-floating[2], floating[1]), R.leaves),
-        Expression(outwards * ca.atan2(long_axis[0], _length(long_axis[1], long_axis[2])), R.leaves),
-        Expression(outwards * ca.atan2(-in_distal[0], in_distal[1]), R.leaves),
-        Expression(ca.vertcat(offset.sx[0], ca.dot(offset.sx, floating), -ca.dot(offset.sx, long_axis)), found),
+        Expression(ca.atan2(-floating[2], floating[1]), R.leaves, "flexion{}"),
+        Expression(outwards * ca.atan2(long_axis[0], _length(long_axis[1], long_axis[2])), R.leaves, "adduction{}"),
+        Expression(outwards * ca.atan2(-in_distal[0], in_distal[1]), R.leaves, "external rotation{}"),
+        Expression(ca.vertcat(offset.sx[0], ca.dot(offset.sx, floating), -ca.dot(offset.sx, long_axis)), found, "shifts{}"),
     )
