@@ -20,6 +20,7 @@ from components import (
     Revolute,
     RigidBody,
     Rod,
+    Torque,
     UniformField,
     World,
 )
@@ -307,6 +308,23 @@ def test_wrong_fields_and_forces_are_refused_with_the_line(make, words):
     with pytest.raises(errors.ParameterError, match=words) as found:
         make()
     assert "test_fields.py:" in str(found.value)
+
+
+@pytest.mark.parametrize(
+    "make", [lambda: Torque((0, 0, 1.0)), lambda: MagnusForce(1.0), lambda: PitchingMoment(1.0), lambda: Bushing((1,) * 6)]
+)
+def test_what_turns_a_body_does_not_turn_a_particle(make):
+    """Which has no turn: until a body is there nothing would come of it, or a torque on the other end alone."""
+    scene = ac.System()
+    scene.world, scene.bob, scene.part = World(), Particle(1.0), make()
+    *others, end = scene.part.connectors()
+    scene.connect(end, scene.bob.point)
+    for other in others:
+        scene.connect(other, scene.world.frame)
+    with pytest.raises(
+        errors.IncompatibleError, match=r"part\.\w+ .*test_fields\.py.* needs a frame, but 'bob' .* Connect it to a body"
+    ):
+        ac.build(scene)
 
 
 def test_a_field_without_a_ground_to_stand_on_is_refused():

@@ -48,6 +48,8 @@ class AbstractForce(Component, ABC):
 
     if_infinite: ClassVar[str] = "Begin where its law is a number, or give it one there."
     """What is said where an action is infinite or not a number."""
+    turns: ClassVar[bool] = False
+    """Whether all its ends must be turned in space, as a particle is not."""
 
     @abstractmethod
     def actions(self, placement: Placement) -> tuple[Action, ...]:

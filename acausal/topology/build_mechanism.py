@@ -44,7 +44,7 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
     ]
     gravity = _gravity(rigid) if joints or others or forces or rigid else None
     groups, edges, held = _in_order(rigid_groups(flat), joints, others, gravity)
-    _check_points([*edges, *held], groups)
+    _check_points([*edges, *held], forces, groups)
     forces = tuple(sorted(forces, key=functools.partial(_force_key, groups)))
     edges += _free_edges(len(groups), edges, groups)
     found = spanning_tree(groups, edges, _driven(flat, forces))
@@ -162,15 +162,23 @@ def _central_pose(inertia: Inertia) -> Pose:
     return Pose.identity()
 
 
-def _check_points(edges: Sequence[Edge[AbstractConstraint]], groups: Sequence[Group]) -> None:
-    """A joint that lets its ends turn against one another needs a frame at both."""
-    for edge in edges:
-        for end, connector in ((edge.a, edge.joint.frame_a), (edge.b, edge.joint.frame_b)):
-            if groups[end].kind == "point" and _turns(edge.joint):
+def _check_points(edges: Sequence[Edge[AbstractConstraint]], forces: Sequence[Part], groups: Sequence[Group]) -> None:
+    """What turns its ends, or lets them turn against one another, needs a frame at each."""
+    held = {connector: group for group in groups if group.kind == "point" for connector in group.poses}
+    turning: list[tuple[str, AbstractConstraint | AbstractForce, Sequence[Point]]] = [
+        (edge.name, edge.joint, (edge.joint.frame_a, edge.joint.frame_b)) for edge in edges if _turns(edge.joint)
+    ]
+    for part in forces:
+        if isinstance(part.component, AbstractForce) and part.component.turns:
+            turning.append((part.path, part.component, tuple(c for c in part.component.connectors() if isinstance(c, Point))))
+    for path, part, ends in turning:
+        for end in ends:
+            if end in held:
+                force = isinstance(part, AbstractForce)
+                advice = "it to a body" if force else "the joint to a body, or put a Fixed between joint and particle"
                 raise IncompatibleError(
-                    f"{edge.name}.{connector.name} ({edge.joint.created_at}) needs a frame, but '{groups[end].name}' that it is connected to "
-                    f"({groups[end].parts[0].component.created_at}) is a point: it has a position and no orientation. Connect the joint to a body, "
-                    "or put a Fixed between joint and particle."
+                    f"{path}.{end.name} ({part.created_at}) needs a frame, but '{held[end].name}' that it is connected to "
+                    f"({held[end].parts[0].component.created_at}) is a point: it has a position and no orientation. Connect {advice}."
                 )
 
 

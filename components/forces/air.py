@@ -77,6 +77,7 @@ class MagnusForce(AbstractAirForce):
         scene.lift = MagnusForce(coefficient=5e-4)
     """
 
+    turns = True
     point = Frame.port(must_connect=True, if_unconnected=_UNCONNECTED)
 
     def __init__(self, coefficient: Scalar, *, wind: Scalar | Callable[[Any], Any] = (0.0, 0.0, 0.0)) -> None:
@@ -97,6 +98,7 @@ class PitchingMoment(AbstractForce):
         scene.nose = PitchingMoment(coefficient=1e-3, axis="x")
     """
 
+    turns = True
     frame = Frame.port(must_connect=True, if_unconnected=_UNCONNECTED)
 
     def __init__(self, coefficient: Scalar, axis: Axis = "x", *, wind: Scalar | Callable[[Any], Any] = (0.0, 0.0, 0.0)) -> None:

@@ -56,6 +56,7 @@ class Torque(AbstractForce):
     scene.motor = Torque((0, 0, 0.1), resolved_in="body")
     """
 
+    turns = True
     frame = Frame.port(must_connect=True, if_unconnected=_UNCONNECTED)
 
     def __init__(self, torque: Scalar | Callable[[Any], Any], *, resolved_in: str = "world") -> None:

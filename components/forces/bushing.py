@@ -31,6 +31,8 @@ class Bushing(AbstractPotential):
         scene.mount = Bushing(stiffness=(50, 50, 20, 4e5, 4e5, 2e5), damping=(0, 0, 0, 800, 800, 400))
     """
 
+    turns = True
+
     def __init__(self, stiffness: Scalar, damping: Scalar = (0.0,) * 6) -> None:
         self.stiffness = _matrix(stiffness, "stiffness")
         self.damping_matrix = _matrix(damping, "damping")
