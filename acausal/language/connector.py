@@ -66,12 +66,17 @@ class Connector:
         """The quantities asked for so far."""
         return tuple(value for value in self.__dict__.values() if isinstance(value, Symbol))
 
+    @classmethod
+    def readable(cls) -> list[str]:
+        """Names of all that can be read of it."""
+        return [name for name in dir(cls) if not name.startswith("_") and name not in _NOT_READ]
+
     if not TYPE_CHECKING:  # a type checker finds misspelt names by itself; this is for people without one
 
         def __getattr__(self, name: str) -> Any:
             if name.startswith("_"):
                 raise AttributeError(name)
-            known = [n for n in dir(type(self)) if not n.startswith("_") and n not in _NOT_READ]
+            known = self.readable()
             similar = difflib.get_close_matches(name, known, n=1)
             hint = f"Did you mean '{similar[0]}'?" if similar else f"It has: {', '.join(known)}."
             if name in ("rotation", "torque", "angular_velocity", "angular_acceleration"):
@@ -83,7 +88,7 @@ class Connector:
         return f"{kind} {self.name} of {type(self.owner).__name__}" if self.owner is not None else f"{kind} {self.name}"
 
 
-_NOT_READ = ("domain", "port", "quantities", "quantity")
+_NOT_READ = ("domain", "port", "quantities", "quantity", "readable")
 
 
 class Point(Connector):

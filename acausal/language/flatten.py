@@ -166,7 +166,14 @@ class FlatSystem:
             seat, path = own[0]
             turned = f", {path}.rotation" if isinstance(seat, Frame) else ""
             return f" No joint of the scene holds {body}: say {path}.position{turned}, {path}.velocity, or give it a joint of its own, Free()."
-        return nearest(name, self.names.values()) or f" It has: {compact(self.names.values() or self.connector_paths.values())}."
+        whole, entry = name.rpartition("[")[::2]
+        found = (self._found[whole] if whole in self._found else self._quantity(whole)) if entry else None
+        if found is not None:
+            counted = f" The shape of {whole} is {found.shape}: entries are counted from 0."
+            return counted if found.shape != (1, 1) else f" Did you mean '{whole}'?"
+        read = [f"{path}.{quantity}" for c, path in self.connector_paths.items() for quantity in c.readable()]
+        all = compact(self.names.values() or self.connector_paths.values())
+        return nearest(name, [*self.names.values(), *read]) or f" It has: {all}."
 
     def symbols(self, given: Any) -> Any:
         """What a user gives, one, a list, or a dictionary's keys, with names replaced by what they stand for."""
