@@ -14,7 +14,7 @@ from acausal import errors
 from acausal.numerics.assembly import assemble
 from acausal.numerics.sizes import Sizes
 from acausal.start.assembly_function import start_units
-from components import Force, PrescribedMotion, Prismatic, Revolute, RigidBody, World
+from components import Force, KnifeEdge, Planar, PrescribedMotion, Prismatic, Revolute, RigidBody, World
 from examples.andrews import Andrews
 from tests.assembly_scenes import (
     arm,
@@ -152,6 +152,20 @@ def test_near_values_that_contradict_each_other_are_met_by_their_weights():
     state = ac.build(scene).initial_state({scene.rail.q: ac.near(1.0, weight=3.0), place: ac.near(2.0)})
     assert np.isclose(state.x[0], 1.25, atol=1e-9)
     assert np.allclose([met.off for met in state.met], [0.25, 0.75], atol=1e-9)
+
+
+def test_of_a_vector_some_entries_may_be_met_and_others_be_near():
+    """A blade that points where it may not go: along itself it moves as it is told, and across as fast as that asks for."""
+    scene = ac.System()
+    scene.world, scene.plane, scene.sleigh, scene.blade = World(), Planar(), RigidBody.box(2.0, (0.3, 0.2, 0.1)), KnifeEdge()
+    closed(scene, (scene.world.frame, scene.plane, scene.sleigh.frame))
+    scene.connect(scene.world.frame, scene.blade.frame_a)
+    scene.connect(scene.sleigh.frame, scene.blade.frame_b)
+    model = ac.build(scene)
+    state = model.initial_state({scene.plane.q: (0, 0, 0.3), "plane.v": (1.0, ac.near(0.0), 0.7)})
+    assert state.x[3:] == pytest.approx([1.0, np.tan(0.3), 0.7], rel=1e-12)
+    with pytest.raises(ac.errors.StartValueError, match=r"2 values are given for the shape \(3, 1\)"):
+        model.initial_state({scene.plane.v: (1.0, ac.near(0.0))})
 
 
 def test_a_point_out_of_reach_is_approached_as_near_as_the_arm_allows():

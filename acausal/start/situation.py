@@ -19,7 +19,7 @@ from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.start.initial import InitialState, initial_state
 from acausal.start.inputs import INPUTS, InputValue, input_signal
-from acausal.start.start_values import Start, Value, exactly, near, start_mapping
+from acausal.start.start_values import Start, Value, entry_by_entry, exactly, near, start_mapping
 from acausal.wording import nearest
 
 StartValue = Value | exactly | near
@@ -99,7 +99,7 @@ def named_start(flat: FlatSystem, start: Any) -> Start:
     given = {
         Expression(key, leaves(key)) if isinstance(key, ca.SX) else key: value for key, value in start_mapping(start).items()
     }
-    return _each_once(flat.symbols(given), given, "start")
+    return entry_by_entry(_each_once(flat.symbols(given), given, "start"))
 
 
 def _by_symbol(flat: FlatSystem, given: Mapping[Any, Any], kind: str, known: Iterable[Symbol]) -> dict[Any, Any]:

@@ -26,7 +26,7 @@ class exactly:
 
 @dataclass(frozen=True)
 class near:
-    """A start value that is met as well as the constraints and the exact values allow.
+    """A start value that is met as well as the constraints and the exact values allow; also an entry of a vector's: (1.0, ac.near(0.0), 0.3).
 
     Where several cannot all be met, the sum of the squares of the differences, each times its `weight` > 0, is least nearby.
     """
@@ -45,6 +45,20 @@ def start_mapping(value: Any) -> Start:
     if not isinstance(value, Mapping):
         raise StartValueError(f"start is {value!r}. Give a dictionary of variables and values, start={{scene.hinge.q: 0.3}}.")
     return value
+
+
+def entry_by_entry(start: Start) -> Start:
+    """The same with each entry by itself where some of a vector are near values: (1.0, ac.near(0.0), 0.3)."""
+    found: dict[Expression, Any] = {}
+    for key, value in start.items():
+        entries: Sequence[Any] = value if isinstance(value, list | tuple) else ()
+        if not any(isinstance(entry, exactly | near) for entry in entries):
+            found[key] = value
+        elif key.shape != (len(entries), 1):
+            raise StartValueError(f"start value of {key!r}: {len(entries)} values are given for the shape {key.shape}.")
+        else:
+            found |= {key[k]: entry for k, entry in enumerate(entries)}
+    return found
 
 
 def softened(start: Start) -> dict[Expression, Value | exactly | near]:
