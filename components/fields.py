@@ -74,7 +74,7 @@ class UniformField(AbstractField):
 
 @final
 class PotentialField(AbstractField):
-    """Any field: `potential` (p, t) [m^2/s^2] of one kilogram at p (3, 1) [m] in the axes of `frame`, by CasADi's functions.
+    """Any field: `potential` (p, t) [m^2/s^2] of one kilogram at p (3, 1) [m] in the axes of `frame`, by numpy's or CasADi's functions.
 
     scene.well = PotentialField(lambda p, t: 50.0 * ca.sumsqr(p))
     """

@@ -29,6 +29,7 @@ from components import (
     HuntCrossley,
     ImplicitSurface,
     Parallel,
+    ParametricSurface,
     Particle,
     Plane,
     PointOnSurface,
@@ -403,6 +404,24 @@ def test_a_search_for_a_start_begins_at_the_same_place_at_any_size(body, base, l
         assert np.min(np.array(model.functions.output(model.functions.borders[0].values)(0.0, x, [], []))) > 0.05
         found.append(np.where(scene.guide.joint.turns(), 1.0, 1 / size) * x[: scene.guide.q.size])
     assert np.max(np.abs(found[1] - found[0])) < 1e-9
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("radius", [0.7, 0.9, 1.1])
+def test_a_body_whose_normal_points_inwards_where_its_search_begins_is_turned_and_not_carried_away(radius, size):
+    """By some radians. How well it fits does not change around a tube but by rounding, which is no way to go."""
+    axes, scene = np.array([0.2, 0.15, 0.1]) * size, ac.System()
+    inwards = ParametricSurface(
+        lambda a, b: (axes[0] * ca.cos(a) * ca.cos(b), axes[1] * ca.cos(a) * ca.sin(b), axes[2] * ca.sin(a)),
+        "rad",
+        start=(-1.0, 0.3),
+    )
+    scene.world, scene.body = World((0, 0, -10.0 * size)), RigidBody(1.0, size**2 * np.array([0.02, 0.03, 0.04]))
+    scene.contact = Contact(inwards, Cylinder(radius * size, inside_out=True))
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.body.frame)
+    found = ac.build(scene).initial_state({}).x
+    assert np.max(np.abs(found[:5] / [1, 1, 1, size, size])) < 10.0
 
 
 def test_what_comes_to_where_it_fits_no_more_is_told_by_part_and_line():

@@ -14,7 +14,7 @@ from acausal.loops.mobility import nearly_redundant
 from acausal.loops.nearest_loops import nearest_closed
 from acausal.loops.walk import Walk
 from acausal.numerics.assembly import Residual, assemble, brought_near, held
-from acausal.numerics.thresholds import EDGE
+from acausal.numerics.thresholds import EDGE, STRIDE
 
 _ATTEMPTS = 12
 _NEARLY = 1e-3
@@ -82,7 +82,8 @@ def _brought_inside(walk: Walk, sketch: np.ndarray) -> np.ndarray:
         outside = ~(d[:, 0] > EDGE)
         if not outside.any() or not (np.isfinite(d).all() and np.isfinite(D).all()):
             break
-        z = z + np.linalg.lstsq(D[outside], _INSIDE - d[outside, 0])[0]
+        step = np.linalg.lstsq(D[outside], _INSIDE - d[outside, 0])[0]
+        z = z + step / max(1.0, float(np.max(np.abs(step))) / STRIDE)
     return z
 
 

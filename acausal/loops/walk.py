@@ -24,6 +24,8 @@ _STRIDES = (0.35, 0.1, 0.03)
 _DIRECTIONS = 4
 _MOVED = 0.1
 _PROBES = 3
+_ALIKE = 1e-6
+"""Domains that differ by less, of a size of 1, are the same."""
 _TIMES = range(-20, 21)
 """Powers of 4 s."""
 
@@ -184,11 +186,16 @@ class Walk:
         straight = ~group.turning & (ca.DM(ca.jacobian(group.domain, group.q).sparsity(), 1).full() > 0).any(axis=0)
         if not straight.any():
             return np.zeros(self.guess.size)
-        slopes = np.array(self.symbolic.meant(*at)[1])[: group.domain.numel()]
+        domain, slopes = (np.array(part)[: group.domain.numel()] for part in self.symbolic.meant(*at))
         steepest = np.max(np.abs(np.nan_to_num(slopes)), axis=0, initial=0.0)
         found = np.divide(1.0, steepest, out=np.zeros(self.guess.size), where=straight & (steepest > 0))
         bends = np.array(self.symbolic.domain_bends(straight)(*at))
         found[straight] = np.where(steepest[straight] > 0, found[straight], bent_size(np.ones(len(bends)), bends))
+        for k in np.flatnonzero(found):
+            there = self.guess + found[k] * np.eye(found.size)[k]
+            changes = np.abs(np.array(self.symbolic.meant(there, self.time, self._values)[0])[: len(domain)] - domain)
+            if (changes < _ALIKE).all():  # its slope is what rounding leaves of none, as around a cylinder
+                found[k] = 0.0
         return found
 
     def _rounding(self, q: np.ndarray) -> np.ndarray:

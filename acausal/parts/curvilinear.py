@@ -59,7 +59,7 @@ def at_spherical(R: float, azimuth: float, polar: float) -> tuple[float, float, 
 
 
 def chart(coordinates: Callable[[Any], Any], position: Scalar) -> Three:
-    """Any three coordinates of a place: `coordinates` is a function of p (3, 1) [m] in CasADi's functions, and gives three numbers.
+    """Any three coordinates of a place: `coordinates` is a function of p (3, 1) [m] in numpy's or CasADi's functions, and gives three numbers.
 
     parabolic = lambda p: (ca.sqrt(ca.norm_2(p) + p[2]), ca.sqrt(ca.norm_2(p) - p[2]), ca.atan2(p[1], p[0]))
     """

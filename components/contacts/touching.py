@@ -40,7 +40,8 @@ class Touching(AbstractJoint, AbstractContact):
     """
 
     if_outside = (
-        "The body is curved less than the hollow that it lies in, or both are flat, or it is not convex there or touches in more than one point, or one of them ends. For "
+        "The body is curved less than the hollow that it lies in, or both are flat, or it is not convex there or touches in more than one point, or the normal of its "
+        "shape points into it, or one of them ends. For "
         "cylinders and cones that touch along a line there are RollingCylinder and RollingCone."
     )
     if_singular = APEX

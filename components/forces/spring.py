@@ -73,7 +73,7 @@ class SpringDamper(AbstractLineForce):
 
 @final
 class NonlinearSpring(AbstractLineForce):
-    """Any conservative law between two points, by its `potential(length)` [J], a function of the length [m] in CasADi's operations.
+    """Any conservative law between two points, by its `potential(length)` [J], a function of the length [m] in numpy's or CasADi's functions.
 
     tension = d potential / d length, by automatic differentiation.
     Raises `ParameterError` for a potential that does not depend on the length.
@@ -98,7 +98,7 @@ class NonlinearSpring(AbstractLineForce):
 
 @final
 class NonlinearDamper(AbstractLineForce):
-    """Any dissipative law between two points: `force(length, rate)` [N], pull positive, in CasADi's operations; zero at rate 0.
+    """Any dissipative law between two points: `force(length, rate)` [N], pull positive, in numpy's or CasADi's functions; zero at rate 0.
 
     scene.damper = NonlinearDamper(lambda length, rate: 3.0 * rate * ca.fabs(rate))
     """

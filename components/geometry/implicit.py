@@ -22,7 +22,7 @@ _CLOSE = 1e-9
 
 @final
 class ImplicitSurface(AbstractSurface):
-    """Where `law` (x, y, z) = 0, by CasADi's functions; its normal to where the law grows, `flipped`: to where it falls. Without poles or seams.
+    """Where `law` (x, y, z) = 0, by numpy's or CasADi's functions; its normal to where the law grows, `flipped`: to where it falls. Without poles or seams.
 
     `start` (3,) [m]: a place near to it, where a search for it begins. Coordinates: the place (3) [m], and a unit quaternion (4) of axes whose z is the
     normal there and which do not turn about it; velocities: of the place along their x and y [m/s]. Only where the law has a slope: not at a

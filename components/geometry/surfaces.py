@@ -441,8 +441,9 @@ class HeightField(AbstractSurface):
 
 @final
 class ParametricSurface(AbstractSurface):
-    """Any surface: `law` (a, b) -> (x, y, z) [m], by CasADi's functions. `unit` of a and b; `ends`: ((a0, a1), (b0, b1)), where it has ends, or where its
-    coordinates do; `start`: (a, b) where a search for start values begins.
+    """Any surface: `law` (a, b) -> (x, y, z) [m], by numpy's or CasADi's functions; its normal along d law/da x d law/db: exchange a and b to turn it.
+
+    `unit` of a and b; `ends`: ((a0, a1), (b0, b1)), where it has ends, or where its coordinates do; `start`: (a, b) where a search for start values begins.
 
     ParametricSurface(lambda a, b: (a * ca.cos(b), a * ca.sin(b), 0.1 * b), start=(1.0, 0.0))  # a helicoid
     """
@@ -468,7 +469,7 @@ class ParametricSurface(AbstractSurface):
 
 @final
 class Revolution(AbstractSurface):
-    """A curve turned about z: `profile` (s) -> (r, z) [m], r > 0, by CasADi's functions; its normal to the right of the curve, `flipped`: to the left.
+    """A curve turned about z: `profile` (s) -> (r, z) [m], r > 0, by numpy's or CasADi's functions; its normal to the right of the curve, `flipped`: to the left.
 
     Coordinates: the parameter s, of this `unit`, and the angle around z from x [rad]. `ends` of s, where the curve has ends; `start`: s where a search
     for start values begins.
