@@ -376,6 +376,8 @@ def test_parameters_that_only_a_curve_knows_are_parameters_of_the_scene():
         lambda: Line((0, 0, 0)),
         lambda: ParametricCurve(lambda s: (s, 0)),
         lambda: ParametricCurve(3.0),
+        lambda: ParametricCurve(lambda s: (1, 2, 3)),
+        lambda: ParametricSurface(lambda a, b: (a, a * a, 0)),
         lambda: SplineCurve([(0, 0, 0), (1, 0, 0)]),
         lambda: SplineCurve([(0, 0, 0), (1, 0, 0), (1, 0, 0)]),
         lambda: HeightField(lambda x: x),

@@ -83,7 +83,8 @@ def _brought_inside(walk: Walk, sketch: np.ndarray) -> np.ndarray:
         if not outside.any() or not (np.isfinite(d).all() and np.isfinite(D).all()):
             break
         step = np.linalg.lstsq(D[outside], _INSIDE - d[outside, 0])[0]
-        z = z + step / max(1.0, float(np.max(np.abs(step))) / STRIDE)
+        turns = np.abs(step[walk.symbolic.group.turning])
+        z = z + step / max(1.0, float(np.max(turns, initial=0.0)) / STRIDE)
     return z
 
 

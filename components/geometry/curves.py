@@ -16,7 +16,7 @@ from acausal.language.expression import Scalar, flag, scalar, sx, vector
 from acausal.language.interpolant import is_spline, of_spline
 from acausal.language.origin import origin
 from acausal.visual.shapes import Wire
-from components.geometry.laws import place
+from components.geometry.laws import moving, place
 
 CUSP = "The curve has a cusp there, and no direction: what slides along it would have to stop and start in no time."
 """Said where `AbstractCurve.regular` is zero."""
@@ -117,7 +117,7 @@ class ParametricCurve(AbstractCurve):
 
     def __init__(self, law: Callable[[ca.SX], Any], ends: tuple[float, float] | None = None, unit: str = "") -> None:
         self._s = ca.SX.sym("s")
-        self.law = place("ParametricCurve", law, "s", self._s)
+        self.law = moving("ParametricCurve", place("ParametricCurve", law, "s", self._s), "s", self._s)
         self.ends = ends
         self.unit = unit  # pyright: ignore[reportAttributeAccessIssue]
 

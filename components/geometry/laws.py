@@ -22,6 +22,16 @@ def place(what: str, law: Callable[..., Any], arguments: str, *symbols: ca.SX, r
     return found
 
 
+def moving(what: str, law: ca.SX, arguments: str, *symbols: ca.SX) -> ca.SX:
+    """The law of a curve or surface, whose place changes with each of its coordinates. Raises `ParameterError` where it stays."""
+    for name, symbol in zip(arguments.split(", "), symbols, strict=True):
+        if not ca.depends_on(law, symbol):
+            raise ParameterError(
+                f"{what} gives the same place for all {name} ({origin()}): nothing moves along it. Use {name} in what it returns."
+            )
+    return law
+
+
 def changing(places: ca.SX) -> tuple[Expression, ...]:
     """Places that functions of time and parameters change, as what a guide gives as its motion; empty where nothing does, or something else than these."""
     found = declared_in(places)

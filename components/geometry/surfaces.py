@@ -16,7 +16,7 @@ from acausal.language.expression import Expression, Scalar, checked, flag, scala
 from acausal.language.origin import origin
 from acausal.parts.pose import quaternion_rate, rotation_from_quaternion, rotation_to_axis_symbolic
 from components.geometry.curves import within
-from components.geometry.laws import place
+from components.geometry.laws import moving, place
 
 APEX = "The surface has an apex there, or its coordinates a pole: no plane touches it, or they have no two directions."
 """Said where `AbstractSurface.regular` is zero."""
@@ -456,7 +456,8 @@ class ParametricSurface(AbstractSurface):
         start: tuple[float, float] = (0.0, 0.0),
     ) -> None:
         self._q = ca.SX.sym("q", 2)
-        self.law = place("ParametricSurface", law, "a, b", self._q[0], self._q[1])
+        given = place("ParametricSurface", law, "a, b", self._q[0], self._q[1])
+        self.law = moving("ParametricSurface", given, "a, b", self._q[0], self._q[1])
         self.ends = ends
         self.unit, self.start = unit, start  # pyright: ignore[reportAttributeAccessIssue]
 

@@ -58,8 +58,8 @@ class RoughGuide(System):
     """frame_b's origin on a curve or a surface of frame_a, on both sides, with dry friction: PointOnCurve, PointOnSurface and PointOnPlane with
     `friction`, and without unilateral=True, are this.
 
-    The friction is limited by the coefficient times the `normal_force` [N], of two components at a curve; it sticks, and slips as a Coulomb
-    law says. `q`, `v`: as of the guide, `joint`.
+    The friction is limited by the coefficient times the size of the `normal_force` (3, 1) [N], which the guide exerts across itself, in frame_a's axes;
+    it sticks, and slips as a Coulomb law says. `q`, `v`: as of the guide, `joint`.
 
         scene.wire = PointOnCurve(Circle(0.5), friction=Coulomb(0.3))
     """
