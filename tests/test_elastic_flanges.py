@@ -16,6 +16,7 @@ from components import (
     ElasticBacklash,
     ElasticCoupling,
     ElasticStop,
+    EndStop,
     ForceSource,
     HuntCrossley,
     Inertia,
@@ -129,3 +130,19 @@ def test_ball_on_an_elastic_floor_rests_where_its_weight_is_borne() -> None:
     scene.floor = ElasticStop(scene.mass.flange_b, 0.0, law=HuntCrossley(1e5, 0.5, exponent=1.5))
     rest = ac.build(scene).equilibrium({scene.mass.s: -1e-3})
     assert rest[scene.mass.s] == pytest.approx(-((2.0 * 9.81 / 1e5) ** (2 / 3)), rel=1e-9)
+
+
+@pytest.mark.parametrize("beside", [lambda f: ElasticStop(f, lower=-0.1, law=HuntCrossley(1e3, 0.3)), lambda f: EndStop(f, lower=-0.1), lambda f: ElasticCoupling(f, None, lambda x: x**4, damping=0.1)])  # fmt: skip
+def test_states_keep_their_names_whatever_is_put_beside_them(beside):
+    """Those that the mass itself differentiates, though others differentiate its flange."""
+    names = []
+    for first in (False, True):
+        scene = ac.System()
+        if first:
+            mass = SlidingMass(1.0)
+            scene.beside, scene.mass = beside(mass.flange_a), mass
+        else:
+            scene.mass = SlidingMass(1.0)
+            scene.beside = beside(scene.mass.flange_a)
+        names.append(ac.build(scene).state_names)
+    assert names == [("mass.s", "mass.v")] * 2

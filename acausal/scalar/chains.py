@@ -151,4 +151,4 @@ def derivative_of(unknown: Unknown, symbol: ca.SX | None = None) -> Unknown:
     """The time derivative of an unknown as an unknown of its own; makes the symbol if there is none."""
     name = f"der({unknown.name})"
     unit = f"{unknown.unit}/s" if unknown.unit else ""
-    return Unknown(ca.SX.sym(name) if symbol is None else symbol, name, unit, unknown.origin, None, unknown.hint)
+    return Unknown(ca.SX.sym(name) if symbol is None else symbol, name, unit, unknown.origin, None, unknown.hint, unknown.shared)

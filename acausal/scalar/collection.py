@@ -140,7 +140,7 @@ class _Collector:
             for f, (_, name) in zip(flanges, self.driven, strict=True)
         ]  # fmt: skip
         efforts = self._efforts()
-        outside = {v for c in self.flat.connector_paths for v in c.__dict__.values() if isinstance(v, Variable)}
+        outside = self._outside
         own = {
             s.sx.element_hash()
             for symbol, scalars in self.elements.items()
@@ -348,6 +348,11 @@ class _Collector:
         place = {symbol: i for i, symbol in enumerate(self.owners)}
         return sorted(found, key=lambda s: (place.get(_base(s), len(place)), s.name.count("der(")))
 
+    @functools.cached_property
+    def _outside(self) -> set[Variable]:
+        """Variables of connectors."""
+        return {v for c in self.flat.connector_paths for v in c.__dict__.values() if isinstance(v, Variable)}
+
     def _unknown(self, symbol: Symbol) -> Unknown:
         base = _base(symbol)
         self.scalars[symbol.sx.element_hash()] = symbol
@@ -356,7 +361,9 @@ class _Collector:
         where = self.owners[base].component.created_at if base in self.owners else ""
         name = self.names.setdefault(symbol, f"der({self.names[symbol.of]})" if isinstance(symbol, Derivative) else symbol.name)
         number = None if start is None else float(start[0]) if isinstance(start, Sequence) else float(start)
-        return Unknown(symbol.sx, name, symbol.unit, where, number, "" if own is None else own.if_undetermined)
+        return Unknown(
+            symbol.sx, name, symbol.unit, where, number, "" if own is None else own.if_undetermined, base in self._outside
+        )
 
     def _rate_symbol(self, symbol: ca.SX) -> ca.SX:
         """The derivative of a declared symbol, declared when first asked for."""

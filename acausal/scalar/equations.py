@@ -13,7 +13,7 @@ from acausal.errors import ModelError
 
 @dataclass(frozen=True)
 class Unknown:
-    """A scalar to be determined as a function of time; `hint` helps the person who forgot an equation for it."""
+    """A scalar to be determined as a function of time; `hint` helps the person who forgot an equation for it. `shared`: at a connector."""
 
     symbol: ca.SX
     name: str
@@ -21,6 +21,7 @@ class Unknown:
     origin: str = ""
     start: float | None = None
     hint: str = ""
+    shared: bool = False
 
     def __str__(self) -> str:
         unit = f" [{self.unit}]" if self.unit else ""

@@ -1,7 +1,7 @@
 """One symbol for each level of a chain: that of the member which a user would call the state.
 
 Preference: a start value was given; the variable or its integral is differentiated by the user, so it is a state of some
-component; it was declared rather than made by `der`; of the same sign as the chain's root; first in order.
+component; it was declared rather than made by `der`; as a state it is a part's own and not a connector's; of the same sign as the chain's root; first in order.
 """
 
 from __future__ import annotations
@@ -101,5 +101,5 @@ def scaled(symbol: ca.SX, factor: float, offset: float) -> ca.SX:
 
 def _rank(member: Member, differentiated: bool, factor: float, index: int) -> tuple[float, ...]:
     """Small is preferred."""
-    made = member.unknown.name.startswith("der(")
-    return (member.unknown.start is None, not differentiated and member.order == 0, made, factor < 0, index)
+    made, state = member.unknown.name.startswith("der("), differentiated or member.order > 0
+    return (member.unknown.start is None, not state, made, state and member.unknown.shared, factor < 0, index)
