@@ -424,6 +424,27 @@ def test_a_body_whose_normal_points_inwards_where_its_search_begins_is_turned_an
     assert np.max(np.abs(found[:5] / [1, 1, 1, size, size])) < 10.0
 
 
+@pytest.mark.parametrize(("rtol", "size"), [(1e-9, 1e-3), (1e-6, 1.0), (1e-9, 1e3)])
+def test_a_disk_in_flight_that_would_lie_flat_ends_there_and_never_changes_its_energy(rtol, size):
+    """What is nearest of its edge jumps to the other side there. Thrown beside a torus, of which it misses that place or not."""
+    ended = 0
+    scene = ac.System()
+    scene.world, scene.body = World((0, 0, -3.0 * size)), RigidBody(1.0, size**2 * np.array([0.02, 0.03, 0.04]))
+    scene.contact = Contact(Disk(0.15 * size), Torus(2.0 * size, 0.5 * size), Hard(1.0))
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.body.frame)
+    model = ac.build(scene)
+    for seed in (12, 22, 38):
+        start = {
+            scene.body.frame.angular_velocity: 2 * np.random.default_rng(seed).normal(size=3),
+            scene.contact.gap: 0.05 * size,
+        }
+        run = model.simulate(1.5, start, rtol=rtol, raise_on_failure=False, samples=2)
+        assert run.energy_error() < 10 * rtol
+        ended += run.status.kind.name == "OUTSIDE"
+    assert ended == 2
+
+
 def test_what_comes_to_where_it_fits_no_more_is_told_by_part_and_line():
     """A disk rolls down into a funnel; a disk lies flat over the ground; a spindle is too long for its bowl."""
     scene = on(Touching(Disk(0.1), Cone(0.9)), RigidBody(2.0, (0.012, 0.015, 0.02), (0.01, -0.01, 0.012)), (1.0, 2.0, -G))

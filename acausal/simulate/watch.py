@@ -39,7 +39,7 @@ _NOISE = 1e3
 """Times what rounding makes of an energy; of what it makes of rates, up to a part `_MOST` of the energy that moves, where any does: more is no motion to rely on."""
 _FEW = 4
 """Steps that tell how a power goes on."""
-_CHEAP, _SHARE = 1e4, 1 / 40
+_CHEAP, _SHARE = 1e4, 1 / 20
 """Operations for the power at all steps that never matter, and their share in those of the motion; these run as C, many times faster."""
 _SIGNS = np.random.default_rng(0).uniform(0.5, 1.0, 509) * np.random.default_rng(1).choice([-1.0, 1.0], 509)
 """Directions of disturbances."""

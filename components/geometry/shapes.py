@@ -15,7 +15,7 @@ from acausal.language.origin import origin
 from acausal.parts.pose import quaternion_rate, rotation_from_quaternion
 from components.geometry.implicit import turned_to
 from components.geometry.laws import place
-from components.geometry.surfaces import AbstractSurface
+from components.geometry.surfaces import LYING, AbstractSurface
 
 _NOTHING, _FLAT = 1e-9, 1e-3
 """Of the width: the radius of an edge; and 1 / that of a flat face."""
@@ -123,7 +123,7 @@ class Disk(AbstractShape):
         return sx(self.radius) * ca.vertcat(n[:2], 0) / ca.norm_2(n[:2])
 
     def single(self, n: ca.SX) -> ca.SX:
-        return ca.norm_2(n[:2])
+        return ca.norm_2(n[:2]) - LYING
 
 
 @final

@@ -18,6 +18,8 @@ from acausal.parts.pose import quaternion_rate, rotation_from_quaternion, rotati
 from components.geometry.curves import within
 from components.geometry.laws import moving, place
 
+LYING = 1e-6
+"""Sine of the angle at which a ring lies flat: what is nearest then jumps from one side to the other, and steps that passed it would not see where."""
 APEX = "The surface has an apex there, or its coordinates a pole: no plane touches it, or they have no two directions."
 """Said where `AbstractSurface.regular` is zero."""
 
@@ -368,7 +370,7 @@ class Torus(AbstractSurface):
         return sx(self.radius) * _across(n) + sx(self.tube) * n
 
     def single(self, n: ca.SX) -> ca.SX:
-        return ca.norm_2(n[:2])
+        return ca.norm_2(n[:2]) - LYING
 
     def nearest(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
         ring = sx(self.radius) * _across(p)
