@@ -8,7 +8,7 @@ from acausal.language.component import System
 from acausal.language.connector import Connector, Electrical, Rotational
 from acausal.language.expression import Expression, Scalar, scalar
 from components.electrical import ElectromotiveForce, Inductor, Resistor
-from components.rotational import Gear, Inertia, RotationalDamper, RotationalGround
+from components.rotational import Gear, Inertia, RotationalDamper, RotationalGround, not_zero
 
 _LOOSE = "Connect both pins: to a source, and to its other pole or a Ground."
 
@@ -38,6 +38,9 @@ class DCMotor(System):
         ratio: Scalar = 1.0,
         damping: Scalar = 0.0,
     ) -> None:
+        constant = not_zero(scalar(constant, "DCMotor's constant", unit="N*m/A"), "DCMotor's constant")
+        resistance = scalar(resistance, "DCMotor's resistance", non_negative=True, unit="Ohm")
+        ratio = not_zero(scalar(ratio, "DCMotor's ratio", unit="1"), "DCMotor's ratio")
         inductance = scalar(inductance, "DCMotor's inductance", non_negative=True, unit="H")
         inertia = scalar(inertia, "DCMotor's inertia", non_negative=True, unit="kg*m^2")
         damping = scalar(damping, "DCMotor's damping", non_negative=True, unit="N*m*s/rad")

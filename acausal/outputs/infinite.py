@@ -12,12 +12,14 @@ from acausal.language.expression import Expression, Symbol
 from acausal.language.flatten import Part
 from acausal.outputs.functions import Functions
 from acausal.parts.force import AbstractForce, Action
+from acausal.parts.pose import Pose
+from acausal.parts.span import AbstractSpan
 from acausal.wording import compact
 
 
 def without_value(functions: Functions, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
     """A sentence on the parts whose forces, or else energies, or else what they are given is infinite or no number at a state; empty if all are numbers."""
-    words = forces_without_value(functions, t, x, u, p)
+    words = forces_without_value(functions, t, x, u, p) or _lines_without_direction(functions, t, x, u, p)
     if words:
         return words
     given = [
@@ -48,6 +50,25 @@ def forces_without_value(functions: Functions, t: float, x: np.ndarray, u: np.nd
             why = dict.fromkeys(part.component.if_infinite for part in lost if isinstance(part.component, AbstractForce))
             return f"The {what} of {_named(lost)} is infinite or not a number there. {' '.join(why)}"
     return ""
+
+
+def _lines_without_direction(functions: Functions, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> str:
+    """The same of ropes, cables and other spans between two points, whose ends lie on one another."""
+    flat = functions.outputs.system.flat
+    spans = [part for part in flat.parts if isinstance(part.component, AbstractSpan) and part.component.between_points]
+    columns = [one.frame_b.position - one.frame_a.position for part in spans if isinstance(one := part.component, AbstractSpan)]
+    offsets = _values(functions, columns, (t, x, u, p)).reshape(-1, 3)
+    lost: list[Part] = []
+    for part, offset in zip(spans, offsets, strict=True):
+        assert isinstance(part.component, AbstractSpan)
+        wrench = part.component.wrench_on_b(Pose(ca.SX.eye(3), ca.SX(ca.DM(offset))))
+        if not ca.symvar(wrench) and not np.isfinite(np.array(ca.evalf(wrench))).all():
+            lost.append(part)
+    return (
+        f"The ends of {_named(lost)} lie on one another, and a line has no direction there: begin with them apart."
+        if lost
+        else ""
+    )
 
 
 def _values(

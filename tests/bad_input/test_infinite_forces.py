@@ -8,7 +8,19 @@ import pytest
 
 import acausal as ac
 from acausal.errors import AcausalError, AccuracyWarning, EquilibriumError, SimulationError, StartValueError
-from components import CentralField, Force, MutualGravitation, Particle, Revolute, RigidBody, Spring, TorqueSource, World
+from components import (
+    CentralField,
+    DCMotor,
+    Force,
+    MutualGravitation,
+    Particle,
+    Revolute,
+    RigidBody,
+    Rope,
+    Spring,
+    TorqueSource,
+    World,
+)
 
 
 def _with_mass(mass: float):
@@ -161,3 +173,24 @@ def test_the_part_is_named_whose_own_law_has_no_value() -> None:
                 (SimulationError, StartValueError), match=r"What 'motor' \(.*\.py:\d+\) is given is infinite or not a number"
             ):
                 ask()
+
+
+def test_ropes_whose_ends_lie_on_one_another_are_named():
+    scene = ac.System()
+    scene.world, scene.left, scene.right, scene.rope = World(), Particle(1.0), Particle(2.0), Rope(1.5)
+    scene.connect(scene.rope.frame_a, scene.left.point)
+    scene.connect(scene.rope.frame_b, scene.right.point)
+    with pytest.raises(
+        SimulationError, match=r"The ends of 'rope\.pieces\[0\]' \(.*\.py:\d+\) lie on one another, .* begin with them apart"
+    ):
+        ac.build(scene).simulate(1.0)
+
+
+def test_a_motor_is_named_by_its_own_numbers():
+    for wrong, said in (
+        ({"constant": 0.0}, "constant is 0"),
+        ({"resistance": -1.0}, "resistance is -1"),
+        ({"ratio": 0.0}, "ratio is 0"),
+    ):
+        with pytest.raises(AcausalError, match=f"DCMotor's {said}"):
+            DCMotor(**({"constant": 0.1, "resistance": 1.0} | wrong))
