@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import warnings
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
 import acausal as ac
 from acausal.errors import AccuracyWarning, LockedError, SimulationError, StartValueError
-from components import Particle, Revolute, Rod, Spherical, Universal, World
+from components import Particle, Prismatic, Revolute, Rod, Spherical, Universal, World
 from components.bodies import RigidBody
 from tests.scenes import rotation
 from tests.test_near_fits import turned
@@ -287,3 +288,78 @@ def test_a_motion_ends_in_words_where_its_branches_touch(length: float, back: bo
     low, model = scene.low[0], ac.build(scene)
     with pytest.raises(SimulationError, match="branches touch"):
         model.simulate(1.0, {low.q[0]: 0.0, low.q[1]: 0.0, low.v[0]: 0.0, low.v[1]: 0.5})
+
+
+def crank_on_rods_that_spin(rods: int, size: float, backwards: bool) -> ac.System:
+    """A slider-crank with parallel rods, each on a Cardan joint whose outer axis is the rod itself: there they spin while nothing else moves, or swing together."""
+    scene, tilt = ac.System(), np.arcsin(0.4 * np.sin(1.0))
+    along, y = np.array([np.cos(tilt), 0, -np.sin(tilt)]), np.array([0, 1.0, 0])
+    knee = 0.4 * np.array([np.cos(1.0), 0, np.sin(1.0)])
+    scene.world = World((-G * size, 0, 0))
+    scene.crank = RigidBody.rod(1.0, tuple(size * knee), position=(0, 0, 0))
+    scene.slider = RigidBody(2.0, 0.1 * size**2 * np.eye(3), position=tuple(size * (knee + along)))
+    scene.hinge = Revolute.between(scene.world, scene.crank, at=(0, 0, 0), axis="y")
+    scene.guide = Prismatic.between(scene.world, scene.slider, at=tuple(size * (knee + along)), axis="x")
+    scene.rods, scene.low, scene.top = [], [], []
+    for k in sorted(range(rods), reverse=backwards):
+        place, inertia = size * (knee + 0.1 * k * y), np.diag([0.002, 0.04, 0.04]) * size**2
+        rod = RigidBody(
+            0.5, inertia, (size / 2, 0, 0), position=tuple(place), rotation=np.column_stack([along, y, np.cross(along, y)])
+        )
+        scene.rods.append(rod)
+        scene.low.append(Universal.between(scene.crank, rod, at=tuple(place), axis_a=along, axis_b="y"))
+        scene.top.append(Spherical.between(rod, scene.slider, at=tuple(place + size * along)))
+    return scene
+
+
+def turn_of_the_crank(times: np.ndarray, rate: float, rods: int) -> np.ndarray:
+    """By Lagrange's equation of the angle u between crank and guide, for 1 m."""
+    u = ca.SX.sym("u")
+    lean = ca.asin(0.4 * ca.sin(u))
+    slide, middle = (
+        0.4 * ca.cos(u) + ca.cos(lean),
+        ca.vertcat(0.4 * ca.cos(u) + ca.cos(lean) / 2, 0.4 * ca.sin(u) - ca.sin(lean) / 2),
+    )
+    fast = [ca.sumsqr(ca.jacobian(part, u)) for part in (slide, middle, lean)]
+    m = 0.4**2 / 3 + 2 * fast[0] + rods * (0.5 * fast[1] + 0.04 * fast[2])
+    V = G * (0.2 * ca.cos(u) + 2 * slide + 0.5 * rods * middle[0])
+    terms = ca.Function("terms", [u], [m, ca.jacobian(m, u), ca.jacobian(V, u)])
+
+    def rates(_: float, y: np.ndarray) -> list[float]:
+        m, dm, dV = (float(term) for term in terms(y[0]))
+        return [y[1], -(0.5 * dm * y[1] ** 2 + dV) / m]
+
+    return solve_ivp(rates, (0, times[-1]), [1.0, rate], "DOP853", times, rtol=1e-12, atol=1e-12).y[0]
+
+
+@pytest.mark.parametrize(
+    ("rods", "rate", "size", "backwards"),
+    [
+        (2, 6.0, 1.0, False),
+        (2, 6.0, 1e-3, True),
+        (2, 0.0, 1.0, True),
+        (2, 0.0, 1e3, False),
+        (3, 6.0, 1e3, True),
+        (3, 0.0, 1e-3, False),
+    ],
+)
+@pytest.mark.filterwarnings("ignore::acausal.errors.SingularWarning")
+def test_a_start_where_motions_of_other_freedoms_meet_goes_on_as_its_velocities_or_forces_say(
+    rods: int, rate: float, size: float, backwards: bool
+):
+    """The sketch leaves all rods free to spin, which is what is found from there; a crank that turns leaves one freedom."""
+    scene = crank_on_rods_that_spin(rods, size, backwards)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == rods
+    run = model.simulate(1.5, {scene.hinge.v: -rate} if rate else {}, rtol=1e-10, samples=16)
+    assert np.max(np.abs(1.0 - run[scene.hinge.q] - turn_of_the_crank(run.t, rate, rods))) < 1e-9
+    assert run.energy_error() < 1e-10
+
+
+def test_what_creeps_next_to_a_singular_position_is_ended_in_words():
+    """Rods that spin where the crank may move but for their spin: steps of 1e-17 s lead nowhere, and their number has an end."""
+    scene = crank_on_rods_that_spin(2, 1.0, False)
+    start = {low.v[0]: 1.0 + k for k, low in enumerate(scene.low)} | {scene.hinge.v: 0.0}
+    with pytest.raises(SimulationError, match="comes to a singular position of loops") as told:
+        ac.build(scene).simulate(1.0, start, rtol=1e-10)
+    assert told.value.trajectory.statistics.steps < 400

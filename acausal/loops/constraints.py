@@ -131,6 +131,12 @@ class Constraints:
         """Where this was found last: what is known only grows."""
         return []
 
+    def usual_at(self, q: np.ndarray, time: float, values: np.ndarray) -> bool:
+        """Whether as many rows as usual are independent at a configuration (nq,) with closed loops."""
+        return all(
+            part.rank.rank == margin.rank for part, margin in zip(self.examined, self.margins(q, time, values), strict=True)
+        )
+
     def learn(self, other: Constraints | None) -> None:
         """What was decided alike along the motions from another configuration; None where nothing can be decided."""
         for part, there in zip(self.examined, self.examined if other is None else other.examined, strict=True):
@@ -191,11 +197,13 @@ def analyse_constraints(
     near: np.ndarray | None = None,
     time: float = 0.0,
     known: Constraints | None = None,
+    onward: np.ndarray | None = None,
 ) -> Constraints:
     """Close the loops numerically, find the redundant rows, keep the others.
 
     Looks from the configuration `near` (nq,), that of the sketch unless given, at this `time` [s]. `known`: of the same system, with other
-    values; what does not depend on them is taken from there.
+    values; what does not depend on them is taken from there. `onward` (nq,), with closed loops: where motions go on to that are looked along; those
+    from a singular configuration may have one freedom or another.
     Raises `AssemblyError` when a loop cannot close, `LockedError` when no freedom is left.
     """
     tree = system.tree
@@ -210,7 +218,8 @@ def analyse_constraints(
             found.append(_unbound(group, guess))
             continue
         walk, start = _closed(system, asked, values, sketch, time)
-        found.append(_examined(walk, start, values) if group.names else _unbound(group, start * walk.unit))
+        ahead = start if onward is None else onward[list(group.q_places)] / walk.unit
+        found.append(_examined(walk, start, ahead, values) if group.names else _unbound(group, start * walk.unit))
     _check_locked(found, tree.v.numel())
     empty = {name for part in found for name in part.empty}
     loops = tuple(rows.without(empty) for rows in loops)
@@ -269,14 +278,16 @@ def _unbound(group: LoopGroup, start: np.ndarray) -> Examined:
     return Examined(group, [start], [start], RankReport((), 0, 0), (), False, False, np.zeros((0, n)), np.ones(n), False)
 
 
-def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
+def _examined(walk: Walk, start: np.ndarray, ahead: np.ndarray, values: np.ndarray) -> Examined:
+    """Looked along motions through `start`, on the side of it where `ahead` is."""
     group, t, parameters = walk.symbolic.group, walk.symbolic.t, walk.symbolic.parameters
+    first = [] if ahead is start else [start]
     samples: list[np.ndarray] = []
     jacobians: list[np.ndarray] = []
     rank = RankReport((), 0, 0)
     # a look nearby is enough where all rows are independent; where some are redundant, look along the whole motion
     for reach in (1, _SAMPLES):
-        samples = walk.samples(start, reach)
+        samples = [*first, *walk.samples(ahead, reach)]
         jacobians = [walk.at(z)[2] for z in samples]
         rank = independent_rows(jacobians, walk.rank, walk.dependent)
         if rank.rank == len(group.names):
@@ -293,12 +304,12 @@ def _examined(walk: Walk, start: np.ndarray, values: np.ndarray) -> Examined:
         raise nearly_fitting(group.loops, walk.rows(start), between)
     if stuck:
         raise shaky(group.loops, group.v.numel(), rank.rank)
-    trail = singular_values_along(walk, start, scale, rank.rank, rank.kept) if rank.rank else Trail()
+    trail = singular_values_along(walk, ahead, scale, rank.rank, rank.kept) if rank.rank else Trail()
     if 0 < rank.rank < group.v.numel() - 1 and not trail.singular:
         trail = trail.and_then(singular_values_down(walk, samples, scale, rank.rank, rank.kept))
     singular = trail.singular
     if singular:  # what is usual away from singular positions is seen from afar
-        samples = walk.samples(start, _SAMPLES)
+        samples = [*first, *walk.samples(ahead, _SAMPLES)]
         jacobians = [walk.at(z)[2] for z in samples]
     beside = _opened(samples)
     chosen = needed_rows(rank.kept, [*jacobians, *(walk.at(z)[2] for z in beside)], walk.rank)

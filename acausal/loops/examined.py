@@ -156,6 +156,16 @@ class Examined:
         with self.lock, _at_time(self._walk(values), time) as walk:
             return held_to_second_order(walk, q / walk.unit, self.scale)
 
+    def beside(self, q: np.ndarray, ahead: np.ndarray, time: float, values: np.ndarray) -> np.ndarray | None:
+        """A configuration (nq,) with closed loops a little `ahead` (nq,) of one; None where nothing moves or none is found."""
+        if self.walk is None:
+            return None
+        with self.lock, _at_time(self._walk(values), time) as walk:
+            way = ahead / walk.unit
+            size = float(np.max(np.abs(way), initial=0.0))
+            there = walk.closed(q / walk.unit + _NEXT * way / size) if 0 < size < np.inf else None
+        return None if there is None else there * walk.unit
+
     def margin(self, q: np.ndarray, time: float, values: np.ndarray) -> Margin:
         """At a configuration (nq,) of the group with closed loops, for these values of all parameters (np,); as it was found before."""
         key = q.tobytes() + np.array(time).tobytes() + values[list(self.parameters)].tobytes()

@@ -902,6 +902,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (T->noisy && !failed && converging(I, h, contraction, 0) < STRAINED * wanted) T->doubts += CALM * SUSPECT; /* what does not contract may be rounding */
         enum Code accepted = accept_step(I, S, h);
         if (accepted != REACHED_END) return accepted;
+        if (creeps(I, S)) return touched(I);
         if (!listen_again(I, h)) return INPUT_FAILED;
         choose_size(I, h, wanted, contraction, failed);
         if (S->method->kind == RADAU) choose_order(I, contraction, failed);

@@ -22,6 +22,8 @@
 #define SHORTEST 1e-9 /* part of the size of a mechanism that it moves by in a step next to a singular position */
 #define STILL 1e-5 /* of that, rounding at most */
 #define BRANCHES 0.01 /* part of the distance from a singular position that an error may be: another branch is as close */
+#define CREPT 300 /* steps next to a singular position, after which is looked how far they have led */
+#define AT_ALL 0.1 /* part of their distance from it that they have led by, if they lead anywhere */
 #define LENGTHS 1e-13 /* what rounding of lengths makes of velocities at most, times the square of the distance: 8 roundings of some 50 terms */
 #define TOUCHING 0.3 /* distance up to which it tells how branches meet */
 #define BENT 0.02 /* part of distances that are the square of a way, which they may differ from this */
@@ -539,6 +541,20 @@ static int is_lost(Integrator *I, const Stages *S, double h) {
     }
     double moved = h * sqrt(speed);
     return moved < SHORTEST && moved > STILL * SHORTEST;
+}
+
+/* Whether so many steps in a row have ended next to a singular position, have led neither there nor away, and are so short that as many as are left
+   would not lead to the end. What vibrates or rests there takes steps as long as elsewhere. */
+static int creeps(Integrator *I, const Stages *S) {
+    struct State *T = I->state;
+    double least = INFINITY;
+    for (long j = 0; j < S->s && present(&I->clearance); j++) least = fmin(least, S->clear[j]);
+    if (!(least < CROSSING)) T->crept = 0;
+    else if (T->crept++ == 0) T->crept_from = I->t, T->crept_at = sqrt(fmax(least, 0));
+    if (T->crept <= CREPT) return 0;
+    double distance = sqrt(fmax(least, 0)), pace = (I->t - T->crept_from) / CREPT;
+    T->crept = 0;
+    return fabs(distance - T->crept_at) <= AT_ALL * fmax(distance, T->crept_at) && I->t + pace * (double)(I->max_steps - I->steps) < I->end;
 }
 
 /* Whether the polynomial of a step comes much closer to a singular position than the stages around do; not beside stage `straight`. */

@@ -258,6 +258,8 @@ struct State {
     double speed;            /* the largest velocity that was met, beside what is much for it [1/s] */
     int twofold;             /* whether exact kernels are needed */
     int touching;            /* whether a stage of the last try came to where branches of the motion touch */
+    long crept;              /* steps in a row that have ended next to a singular position */
+    double crept_from, crept_at; /* when the first of them ended, and how far from there */
     int straight;            /* whether the last step led through a singular position, not past it */
     long capacity, coefficient_capacity, coefficient_count;
     int thinned;             /* whether only steps that are read are kept */

@@ -7,8 +7,10 @@ import numpy as np
 
 from acausal.collocation.problem import Problem
 from acausal.errors import StartValueError
-from acausal.integrators.passage import passage_of
+from acausal.integrators.passage import Passage, passage_of
 from acausal.outputs.functions import Functions
+from acausal.start.decided import OtherFreedoms
+from acausal.wording import compact
 
 _OFF = 1e-6
 _BENT, _NEAR = 1e-4, 30.0
@@ -33,6 +35,7 @@ def check_branch(functions: Functions, problem: Problem, t0: float, t1: float, x
             "elsewhere, and what stops it, stops it to second order only, by forces that nothing determines. Leave out what holds nothing that the "
             "others do not hold along this motion, a fourth parallel rod for instance, or start beside it."
         )
+    _check_freedoms(functions, passage, t0, x)
     found = passage.between(t0, x, t1 - t0)
     if found is None or not np.isfinite(found).all():
         if not _tears(functions, problem, t0, x):
@@ -49,6 +52,35 @@ def check_branch(functions: Functions, problem: Problem, t0: float, t1: float, x
         f"The start is a singular position of the loops closed by {joints}: branches of the motion cross there, and the velocities lie on none "
         f"of them: {told}. Give velocities of more joints, such that they are those of one branch, or start a little beside the position."
     )
+
+
+def _check_freedoms(functions: Functions, passage: Passage, t: float, x: np.ndarray) -> None:
+    """Raise `OtherFreedoms` where motions of other freedoms meet in a state x (nx,), and the loops were examined along others than it goes on with.
+
+    That is where its velocities lead to, or its accelerations from rest: as a rod on a Cardan joint one axis of which is the rod itself turns about that,
+    or swings about the other.
+    """
+    system, space, p, n = functions.outputs.system, functions.space, passage.problem.parameters, passage.problem.positions
+    values = p[: system.p_values.size]
+    onward = ca.Function("onward", [system.t, space.x, space.p], [ca.densify(space.put(system.mechanics.tree.rates))])
+    ahead = np.array(onward(t, x, p))[:, 0]
+    if not np.any(ahead):
+        rates = passage.rates(np.array([t]), x[None, :])[0]
+        ahead = np.array(onward(t, np.concatenate([x[:n], rates[n:]]), p))[:, 0]
+    q = space.expanded(t, x, p)[: system.nq]
+    for part in system.constraints.examined:
+        places = list(part.group.q_places)
+        there = part.beside(q[places], ahead[places], t, values)
+        if there is None or (rank := part.margin(there, t, values).rank) == part.rank.rank:
+            continue
+        near, n = q.copy(), part.group.v.numel()
+        near[places] = there
+        joints = compact((f"'{rows.edge.name}'" for rows in part.group.loops), 4)
+        raise OtherFreedoms(
+            f"At t = {t:.6g} s, where this begins, motions of {n - rank} and of {n - part.rank.rank} freedoms of the loops closed by {joints} meet, and it is "
+            f"not known how those of {n - rank} go on. Begin a little beside this position, or build the scene there: give bodies a rough position or "
+            "joints a start.", t, q, values, near,
+        )  # fmt: skip
 
 
 def _stops(functions: Functions, problem: Problem, t: float, x: np.ndarray) -> bool:

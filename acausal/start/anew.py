@@ -17,7 +17,7 @@ from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
 from acausal.reduce.reduce import ReducedSystem, reduce_system
 from acausal.reduce.state_space import state_space, whole_state_space
-from acausal.start.decided import OtherCircuit, OtherDecisions
+from acausal.start.decided import OtherCircuit, OtherDecisions, OtherFreedoms
 from acausal.wording import compact
 
 T = TypeVar("T")
@@ -176,11 +176,14 @@ class Decided(AbstractDecided):
 
     def _examined_near(self, place: OtherDecisions) -> Decided:
         s = self.system
+        beside = place.beside if isinstance(place, OtherFreedoms) else None
         for other in self._circuits:
-            if other.system.constraints.unchanged(place.values) and other.system.constraints.met(place.q):
+            c = other.system.constraints
+            met = c.met(place.q) if beside is None else c.usual_at(beside, place.time, place.values)
+            if c.unchanged(place.values) and met:
                 return other
         try:
-            found = analyse_constraints(s.mechanics, s.p, place.values, place.q, place.time, s.constraints)
+            found = analyse_constraints(s.mechanics, s.p, place.values, place.q, place.time, s.constraints, beside)
         except (AssemblyError, LockedError) as error:
             if isinstance(place, OtherCircuit):  # a start that is singular itself is told where it is judged
                 s.constraints.learn(None)

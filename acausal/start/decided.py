@@ -25,6 +25,17 @@ class OtherDecisions(StartValueError):
         return OtherDecisions, (self.args[0], self.time, self.q, self.values)
 
 
+class OtherFreedoms(OtherDecisions):
+    """The motion begins where motions of other freedoms meet, and leads to a configuration `beside` with other independent constraints."""
+
+    def __init__(self, message: str, time: float, q: np.ndarray, values: np.ndarray, beside: np.ndarray) -> None:
+        super().__init__(message, time, q, values)
+        self.beside = beside
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return OtherFreedoms, (self.args[0], self.time, self.q, self.values, self.beside)
+
+
 class OtherCircuit(OtherDecisions):
     """The motion begins where those along which loops were examined do not come by."""
 
