@@ -288,6 +288,9 @@ def test_a_motion_ends_in_words_where_its_branches_touch(length: float, back: bo
     low, model = scene.low[0], ac.build(scene)
     with pytest.raises(SimulationError, match="branches touch"):
         model.simulate(1.0, {low.q[0]: 0.0, low.q[1]: 0.0, low.v[0]: 0.0, low.v[1]: 0.5})
+    with pytest.raises(SimulationError, match="branches touch") as told:  # nothing but rounding turns the table about y
+        model.simulate(1.0, {low.q[0]: -0.4, low.q[1]: 0.0, low.v[0]: ac.near(2.0), low.v[1]: ac.near(0.0)})
+    assert told.value.trajectory.statistics.steps < 30
 
 
 def crank_on_rods_that_spin(rods: int, size: float, backwards: bool) -> ac.System:
@@ -354,12 +357,6 @@ def test_a_start_where_motions_of_other_freedoms_meet_goes_on_as_its_velocities_
     run = model.simulate(1.5, {scene.hinge.v: -rate} if rate else {}, rtol=1e-10, samples=16)
     assert np.max(np.abs(1.0 - run[scene.hinge.q] - turn_of_the_crank(run.t, rate, rods))) < 1e-9
     assert run.energy_error() < 1e-10
-
-
-def test_what_creeps_next_to_a_singular_position_is_ended_in_words():
-    """Rods that spin where the crank may move but for their spin: steps of 1e-17 s lead nowhere, and their number has an end."""
-    scene = crank_on_rods_that_spin(2, 1.0, False)
-    start = {low.v[0]: 1.0 + k for k, low in enumerate(scene.low)} | {scene.hinge.v: 0.0}
-    with pytest.raises(SimulationError, match="comes to a singular position of loops") as told:
-        ac.build(scene).simulate(1.0, start, rtol=1e-10)
-    assert told.value.trajectory.statistics.steps < 400
+    spun = model.simulate(1.0, {low.v[0]: 1.0 + k for k, low in enumerate(scene.low)} | {scene.hinge.v: 0.0}, samples=2)
+    assert np.allclose([spun[low.q[0]][-1] for low in scene.low], [1.0 + scene.low.index(low) for low in scene.low], atol=1e-9)
+    assert np.max(np.abs(spun[scene.hinge.q])) < 1e-9

@@ -299,11 +299,13 @@ class Functions:
 
     @property
     def _standing(self) -> np.ndarray | None:
-        """The same, below 0 where loops do not hold a state for good; None where they hold none. Only rounding moves what they hold."""
+        """The same, below 0 where loops do not hold a state for good, nor lead it through singular positions; None where there is none else. Only rounding
+        moves what they hold, and next to singular positions it moves all.
+        """
         s = self.outputs.system
         if self.space.coordinates is not None:
             return None
-        usual, signs = self._usual, -np.ones(s.x.numel())
+        usual, signs = self._usual, np.full(s.x.numel(), 1.0 if s.constraints.singular else -1.0)
         for part in s.constraints.examined:
             positions, velocities = part.standing
             signs[np.array(part.group.q_places, dtype=int)[positions]] = 1.0

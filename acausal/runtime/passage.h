@@ -23,7 +23,7 @@
 #define STILL 1e-5 /* of that, rounding at most */
 #define BRANCHES 0.01 /* part of the distance from a singular position that an error may be: another branch is as close */
 #define CREPT 300 /* steps next to a singular position, after which is looked how far they have led */
-#define AT_ALL 0.1 /* part of their distance from it that they have led by, if they lead anywhere */
+#define AT_ALL 0.03 /* part of their distance from it that they have led by, if they lead anywhere */
 #define LENGTHS 1e-13 /* what rounding of lengths makes of velocities at most, times the square of the distance: 8 roundings of some 50 terms */
 #define TOUCHING 0.3 /* distance up to which it tells how branches meet */
 #define BENT 0.02 /* part of distances that are the square of a way, which they may differ from this */
