@@ -338,10 +338,8 @@ def turn_of_the_crank(times: np.ndarray, rate: float, rods: int) -> np.ndarray:
 @pytest.mark.parametrize(
     ("rods", "rate", "size", "backwards"),
     [
-        (2, 6.0, 1.0, False),
         (2, 6.0, 1e-3, True),
         (2, 0.0, 1.0, True),
-        (2, 0.0, 1e3, False),
         (3, 6.0, 1e3, True),
         (3, 0.0, 1e-3, False),
     ],
@@ -360,3 +358,12 @@ def test_a_start_where_motions_of_other_freedoms_meet_goes_on_as_its_velocities_
     spun = model.simulate(1.0, {low.v[0]: 1.0 + k for k, low in enumerate(scene.low)} | {scene.hinge.v: 0.0}, samples=2)
     assert np.allclose([spun[low.q[0]][-1] for low in scene.low], [1.0 + scene.low.index(low) for low in scene.low], atol=1e-9)
     assert np.max(np.abs(spun[scene.hinge.q])) < 1e-9
+
+
+@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
+def test_what_creeps_next_to_a_singular_position_is_ended_in_words(length: float):
+    """A crank would fall at once, but for rods that spin by a billionth of a turn: steps are as short as rounding says, and lead nowhere."""
+    scene = crank_on_rods_that_spin(2, length, False)
+    with pytest.raises(SimulationError, match="comes to a singular position of loops") as told:
+        ac.build(scene).simulate(10.0, {low.v[0]: 1e-9 for low in scene.low} | {scene.hinge.v: 0.0})
+    assert told.value.trajectory.statistics.steps < 400

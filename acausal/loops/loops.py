@@ -115,6 +115,11 @@ def loop_rows(edge: Edge[AbstractConstraint], placement: TreePlacement) -> LoopR
             dropped.append(kind)
             dropped_basis.append(basis[i, :].T)
             continue
+        if residual.is_constant() and (_is_point(edge.a, placement) or _is_point(edge.b, placement)):
+            raise ModelError(
+                f"Joint '{edge.name}' ({joint.created_at}) asks how its ends are turned against one another: row {i} of {type(joint).__name__}.closure(X_ab, t) follows X_ab.rotation, "
+                "and one of its ends is a point, which has a position and no orientation. Read X_ab.position, or connect it to a body."
+            )
         rows.append((residual, basis[i, :] @ twist + explicit[i], basis[i, :].T))
         kinds.append(kind)
     w_s, v_s = ca.SX.sym("w", 3), ca.SX.sym("v", 3)

@@ -19,7 +19,7 @@ from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
 from acausal.parts.potential import AbstractPotential
 from acausal.parts.rigid import AbstractRigidPart, Attachment
-from components import HeightField, PotentialField, Prismatic, RigidBody, World
+from components import HeightField, Particle, PotentialField, Prismatic, RigidBody, World
 from tests.bad_input.messages import Wrong
 from tests.scenes import Pendulum
 
@@ -137,6 +137,20 @@ def part_between(base: type[Any], **methods: Callable[..., Any]) -> Callable[[],
     return call
 
 
+def row_on_a_particle(closure: Callable[[Pose], Any]) -> Callable[[], object]:
+    """Builds a particle that a constraint connects to the ground."""
+    Own = type("Own", (AbstractConstraint,), {"closure": lambda self, X, t: closure(X), "between_points": True})
+
+    def call() -> object:
+        scene = ac.System()
+        scene.world, scene.own, scene.bob = World(), Own(), Particle(1.0, position=(0.3, 0, 0))
+        scene.connect(scene.world.frame, scene.own.frame_a)
+        scene.connect(scene.own.frame_b, scene.bob.point)
+        return ac.build(scene)
+
+    return call
+
+
 def row(closure: Callable[[Pose], Any]) -> Callable[[], object]:
     return part_between(AbstractConstraint, closure=lambda self, X, t: closure(X))
 
@@ -220,6 +234,7 @@ CASES = [
     Wrong("loss that is text", with_energy("dissipated_power", "much"), errors.ModelError, ("Tank.dissipated_power() gives 'much'", HERE)),
     Wrong("supply that is nothing", with_energy("supplied_power", None), errors.ModelError, ("Tank.supplied_power() gives None", HERE)),
     Wrong("equation of no number", with_equations(lambda s: [ac.equal(ac.der(s.level), float("nan") * s.level)]), errors.ParameterError, ("nan", "module math", HERE)),
+    Wrong("row that reads a particle's rotation", row_on_a_particle(lambda X: ca.vertcat(X.position[2], X.rotation[0, 1] - 0.1)), errors.ModelError, ("'own'", "row 1 of Own.closure(X_ab, t) follows X_ab.rotation", "no orientation", HERE)),
     Wrong("row by a function of math", row(lambda X: X.position[2] - math.sin(X.position[0])), errors.ParameterError, ("closure(X_ab, t)", "nan", "module math", HERE)),
     Wrong("potential by a function of math", potential(lambda X: ca.sumsqr(X.position) + math.cosh(X.position[0])), errors.ParameterError, ("potential(X_ab, t)", "nan", HERE)),
     Wrong("surface by a function of math", lambda: HeightField(lambda x, y: x + math.sin(y)), errors.ParameterError, ("HeightField", "nan", "module math", HERE)),
