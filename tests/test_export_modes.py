@@ -35,6 +35,7 @@ from tests.exported import (
 )
 from tests.scenes import FourBar
 from tests.test_borne_friction import pendulum
+from tests.test_changing_index import bridge
 from tests.test_export_instances import COUNTED
 from tests.test_modes import Touch, bouncing, changes, rubbing, sliding, table
 
@@ -136,8 +137,16 @@ def caught() -> Case:
     return Case(scene, {q: -0.3, v: 9.0}, 0.8, {"grip": scene.catch.force[2], "held": scene.catch.held}, ac.when(q - 0.3))
 
 
+def rectifier() -> Case:
+    """Four diodes between inductors on both sides and a store: some currents follow at once in some modes, and through states in others."""
+    scene = bridge(5e-3, 0.05, 1e-3, 1e-3, True)
+    start = {scene.line.i: 0.0, scene.choke.i: 0.0, scene.store.v: 0.0}
+    seen = {"flows": scene.diodes[0].current, "over": scene.diodes[1].v}
+    return Case(scene, start, 0.1, seen, ac.when(scene.store.v - 2.0))
+
+
 MADE: dict[str, Callable[[], Case]] = {
-    made.__name__: made for made in (ball, belt, slide, box, linkage, bearing, thrower, caught)
+    made.__name__: made for made in (ball, belt, slide, box, linkage, bearing, thrower, caught, rectifier)
 }
 BOX = pytest.param("box", marks=pytest.mark.slow)
 NAMES = [BOX if name == "box" else name for name in MADE]

@@ -306,7 +306,7 @@ def test_a_valve_in_a_mode_that_is_not_its_own_is_told(V: float) -> None:
     assert met is not None
     for changed in range(1, met.begins.size):
         masks = met.masks.copy()
-        masks[0, changed] = 1 - masks[0, changed]
+        masks[:, changed] = masks[:, changed - 1]
         other = dataclasses.replace(met, masks=masks)
         inputs = run.problem.inputs
         assert isinstance(inputs, WithModes)

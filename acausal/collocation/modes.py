@@ -57,7 +57,7 @@ class ModeFunctions:
     magnitudes: int
     redundant: bool
     guards: Function
-    decision: ca.Function
+    decision: Function
     terms: ca.Function
     invariants: ca.Function
     projection: Function

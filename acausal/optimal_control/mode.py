@@ -120,6 +120,8 @@ class PhaseMode:
                 found += [float(word == "sticks"), {"slides +": 1.0, "slides -": -1.0}.get(word, 0.0)]
             else:
                 found += [float(word == "sticks"), float(word == "slides"), 0.0, 0.0, 0.0, 0.0]
+        if modes.index is not None:  # what holds, by values: as it is
+            found += [0.0, *np.diag(found).ravel()]
         found += [DAMPING] if modes.redundant else []
         return np.array([*found, *[0.0] * (len(modes.masks) - len(found))])  # nothing is carried on
 
@@ -141,7 +143,7 @@ def phase_mode(functions: Functions, said: Mapping[Any, str]) -> PhaseMode:
         if said:
             raise OptionError("OptimalControl: modes are given, but no part of the scene opens, sticks or slides.")
         return PhaseMode(functions, functions, (), ())
-    refuse_modes(system.modes.rows if system.modes.index is not None else (), "OptimalControl")
+    refuse_modes([row for row in system.modes.rows if row.turned], "OptimalControl")
     free = Functions(Outputs(system.unmasked), replace(functions.space, system=system.unmasked))
     laws = laws_of(functions.outputs)
     found = PhaseMode(functions, free, laws, tuple("open" if law.row.one_sided else "off" for law in laws))

@@ -56,10 +56,12 @@ def mode_functions(
     terms = ca.vertcat(ca.SX(0, 1), *(_NO_TERMS if row.one_way else row.terms for row in m.rows if row.one_sided))
     if m.index is not None:
         terms = -ca.fmax(m.index.terms, _LEAST)  # of no gaps
+    decided = ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m), _pressures(m), _index(m))
+    coming = Systems() if m.index is None else m.index.coming.with_operands(space.put)
     return ModeFunctions(
         m.one_sided, size.count(1), size.count(2), size.count(3), len(m.magnitudes.sizes), m.redundant,
         Staged.of("mode_guards", [t, x, u, p], [ca.densify(space.put(m.guards))], systems, fold=False),
-        function("decision", ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m), _pressures(m), _index(m))),
+        Staged.of("decision", [t, x, u, p], [ca.densify(space.put(decided))], coming, fold=False),
         function("terms", terms),
         invariants_of("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes, changes_index=m.index is not None,
     )  # fmt: skip
@@ -80,7 +82,8 @@ def _decided_by(m: Modes, space: StateSpace) -> ca.SX:
         [_NO_IMPACT if row.one_way and rate.is_zero() else row.impact + (_NO_GAP if row.one_way else 0) for row, rate in gaps]
     )
     back = ca.vertcat(ca.SX(0, 1), *(row.back for row in m.frictions))
-    parts = [m.gaps, m.rate, m.free, ca.vec(m.compliance.T), ca.vec(response.T), *limits, kind, back, bounce]
+    free, compliance = (m.free, m.compliance) if m.index is None else (m.index.free, m.index.compliance)
+    parts = [m.gaps, m.rate, free, ca.vec(compliance.T), ca.vec(response.T), *limits, kind, back, bounce]
     return ca.vertcat(*(ca.densify(part) for part in parts))
 
 

@@ -1,9 +1,12 @@
-"""Modes of valves some of which are turned round, see `ac.OneWay`: which equations of what holds are solved, and which are solved with their rates, changes with the mode.
+"""Modes of valves: which equations of what holds are solved, and which are solved with their rates, changes with the mode.
 
 Values y = h + M r of what valves hold at zero follow from reactions r at once, and their rates y' = d + K r, while r stays, through the states. What holds, says y = 0; where rows of M
 among these depend on one another, N M = 0, it says N h = 0 of the states alone, which their rates keep so: N y' = 0. (An inductor between two valves: while one of them
 conducts, its current is that of the inductor, and the voltage of the other one is known at once; where both block, the current stays zero, and by that the voltage is known.) In each mode
 two matrices take both together, P (h + M r) + Q (d + K r) = 0, which are chosen in numbers where the mode begins, so that P M + Q K is the unit matrix there. See runtime/index.h.
+
+Which hold is told by what is so a little later: y after an implicit step of Euler's, which is y = h + M r to first order where that says anything, and goes on through states, stores and
+inductors where it does not.
 """
 
 from __future__ import annotations
@@ -25,19 +28,22 @@ from acausal.reduce.modes import Modes, Motion, masks_of
 
 @dataclass(frozen=True)
 class Index:
-    """What decides a mode, by reactions: `values` M (n, n) and `rates` K (n, n); `later` [s]: a mask by which those are looked at, h + later d and M + later K.
-    `terms` (n, 1): the sizes of what h is made of."""
+    """What decides a mode: `free` (n, 1) and `compliance` (n, n), by reactions, of values after an implicit step of Euler's from here, `later` [s], a mask, before the time that is given; with
+    answers of `coming`. `values` M (n, n) and `rates` K (n, n): by reactions, here. `terms` (n, 1): the sizes of what h is made of."""
 
+    free: ca.SX
+    compliance: ca.SX
     values: ca.SX
     rates: ca.SX
     later: Mode
     terms: ca.SX
+    coming: Systems
 
 
 def changes_index(rows: Sequence[ModeRow]) -> bool:
-    """Whether what a valve holds at zero follows at once in some modes, and through states in others."""
+    """Whether all that changes its mode are valves, whose values follow from reactions at once; in some modes, or where they are turned round, through states."""
     reactions = ca.vertcat(*(reaction.sx for row in rows for reaction in row.reactions))
-    return any(row.turned and ca.depends_on(row.moved, reactions) for row in rows)
+    return any(row.turned for row in rows) or all(row.one_way and ca.depends_on(row.moved, reactions) for row in rows)
 
 
 def modes_of_changing_index(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) -> Modes:
@@ -54,12 +60,17 @@ def modes_of_changing_index(rows: Sequence[ModeRow], names: Mapping[Any, str], m
         raise ModelError(
             f"What {rows[0].part.where} and others hold back is not linear in their reactions, or changes with what moves."
         )
-    h, d = (ca.substitute(value, reactions, none) for value in (y, rate))
+    h, d, f = (ca.substitute(value, reactions, none) for value in (y, rate, motion.x_dot))
     own = [masks_of(row, names) for row in rows]
     holds = ca.vertcat(*(mask.holds.sx for mask in own))
     later = Mode("later", "so much later it is decided what goes on")
     values, rates = (_matrix(n, name) for name in ("by_values", "by_rates"))
     P, Q = _of_modes(values, n), _of_modes(rates, n)
+    C, nx = ca.jacobian(h, motion.x), motion.x.numel()
+    coming, both = Systems().with_one(
+        ca.SX.ones(nx), ca.SX.eye(nx) - later.sx * ca.jacobian(f, motion.x), later.sx * ca.horzcat(f, J)
+    )
+    moved = C @ both
     left = Q @ h  # of states, which P says nothing of
     G = P @ M + Q @ K + ca.diag(1 - holds)
     systems, both = Systems().with_one(holds, G, -ca.horzcat(P @ h + Q @ d, left))
@@ -70,8 +81,8 @@ def modes_of_changing_index(rows: Sequence[ModeRow], names: Mapping[Any, str], m
     apart = ca.substitute(y, reactions, found)
     guards = [(1 - holds[k]) * row.gated(apart[k], 1) + holds[k] * found[k] for k, row in enumerate(rows)]
     return Modes(
-        tuple(rows), (*(mask.holds for mask in own), later, *values, *rates), reactions, ca.SX.zeros(n), ca.densify(h + later.sx * d), ca.densify(M + later.sx * K), J, found,
-        ca.vertcat(*guards), ca.vertcat(ca.SX.zeros(n), left), J @ pushes, systems, None, Magnitudes((), ()), ca.SX(0, 1), Index(ca.densify(M), ca.densify(K), later, ca.densify(rounded(h))),
+        tuple(rows), (*(mask.holds for mask in own), later, *values, *rates), reactions, ca.SX.zeros(n), ca.densify(h), ca.densify(M), J, found,
+        ca.vertcat(*guards), ca.vertcat(ca.SX.zeros(n), left), J @ pushes, systems, None, Magnitudes((), ()), ca.SX(0, 1), Index(h + moved[:, 0], M + moved[:, 1:], ca.densify(M), ca.densify(K), later, ca.densify(rounded(h)), coming),
     )  # fmt: skip
 
 

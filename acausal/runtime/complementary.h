@@ -16,8 +16,6 @@
 #define NEWTON 60      /* iterations */
 #define ROUNDED 16.0   /* roundings of its terms by which an equation may be open */
 #define SPENT 100.0    /* roundings of what reactions do, which leave something of what holds at once */
-#define STEADY 0.99 /* times the last change: so it goes on and on */
-#define CONTRADICTS 64.0 /* roundings of its terms by which a row is open that cannot be kept with others */
 #define FITS 1e-9      /* of the largest: how far an answer may be from what it should be where it is degenerate */
 
 /* What is decided by, at one place; frictions: first those along lines, then those in planes, then those of patches, by their `pressure`. Limits may grow with `magnitudes` too, those of forces (3 each), which are `force` and
@@ -524,28 +522,6 @@ static int damped_answer(const Problem *p, const long *asked) {
     return 0;
 }
 
-/* Of what holds at once and depends on one another, answers about the last one have settled but for a part that moves nothing, which goes on as it has `gone` from one to the next: rows that
-   cannot all be kept. It goes on to where the first of them opens. Whether it has: what is left open may be rounding, too, and all rows may contradict one another. */
-static int go_on_to_a_limit(const Problem *p, const double *gone) {
-    const Decision *D = p->D;
-    long n = D->n, opens = -1;
-    int open = 0;
-    double part = INFINITY;
-    for (long i = 0; i < n; i++) {
-        if (D->kind[i] != NO_IMPACT) return 0;
-        double terms = fabs(p->start[i]), rate = p->start[i];
-        for (long j = 0; j < n; j++) terms += fabs(D->W[i * n + j] * p->push[j]), rate += D->W[i * n + j] * p->push[j];
-        open |= p->law[i] == HOLDS && fabs(rate) > CONTRADICTS * EPS * terms;
-        double left = p->law[i] == HOLDS && gone[i] < 0 ? (p->push[i] - floor_of(p, i)) / -gone[i] : INFINITY;
-        if (left < part) part = left, opens = i;
-    }
-    if (!open || opens < 0) return 0;
-    for (long i = 0; i < n; i++)
-        if (p->law[i] == HOLDS) p->push[i] += part * gone[i];
-    p->push[opens] = floor_of(p, opens);
-    return 1;
-}
-
 /* Solves a problem whose laws are OFF, MAY_HOLD, MAY_SLIDE or AGAINST: then they are OFF, AGAINST, HOLDS, OPENS or STARTS. `place` (n): room. Returns whether
    there is an answer; ROUGHLY, where it has not settled, since what slips does so hardly at all. */
 static int complementary(const Problem *p, long *place, double *table, long *basis) {
@@ -561,7 +537,6 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
     if (!chosen)
         for (long i = 0; i < n; i++) p->push[i] = i < D->gaps && asked[i] == MAY_HOLD ? floor_of(p, i) : 0;
     double last = INFINITY;
-    long opened = 0;
     int whole = p->damping == 0;
     double part = 0.1;
     Problem less = *p;
@@ -578,15 +553,8 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
             changed = fmax(changed, fabs(p->push[i] - p->centre[i]) * unit_of(own_of(D, i)));
             most = fmax(most, fabs(p->push[i]) * unit_of(own_of(D, i)));
         }
-        double *gone = p->work;
-        for (long i = 0; i < n; i++) gone[i] = p->push[i] - p->centre[i];
         memcpy(p->centre, p->push, sizeof(double) * (size_t)n);
         whole |= changed <= ROUNDED * EPS * most || (changed <= FITS * most && changed >= 0.5 * last);
-        int goes = p->damping > 0 && D->frictions == 0 && opened < n && (whole || changed >= STEADY * last) ? go_on_to_a_limit(&less, gone) : 0;
-        if (goes) {
-            memcpy(p->centre, p->push, sizeof(double) * (size_t)n);
-            opened++, whole = 0, changed = INFINITY;
-        }
         if (whole) break;
         last = changed;
     }

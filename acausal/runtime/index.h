@@ -148,6 +148,66 @@ static int combine_others(Integrator *I, const Decision *D, const double *push, 
     return 0;
 }
 
+#define FLIPS 200 /* of rows, until all are as they should be */
+
+/* The compliance of rows `row` (k), in units of rows, into T->index_work. */
+static void gather_rows(Integrator *I, const Decision *D, const long *row, long k) {
+    const double *unit = I->state->row_unit;
+    for (long a = 0; a < k; a++)
+        for (long b = 0; b < k; b++) I->state->index_work[a * k + b] = D->W[row[a] * D->n + row[b]] / sqrt(unit[row[a]] * unit[row[b]]);
+}
+
+/* Rows that hold, into `row`, without those that depend on others: these open. How many; the inverse of their compliance is in T->index_work + n n. */
+static long independent_rows(Integrator *I, const Decision *D, long *law, long *row) {
+    long n = D->n, k = 0, *column = row + n, rank;
+    double *G = I->state->index_work, *B = G + n * n;
+    for (long i = 0; i < n; i++)
+        if (law[i] == HOLDS) row[k++] = i;
+    for (;; k = rank) {
+        gather_rows(I, D, row, k);
+        if (invert_whole(G, B, B + n * n, column, k)) return k;
+        gather_rows(I, D, row, k);
+        rank = eliminate_whole(G, B, column, k);
+        if (rank == k) return 0;
+        for (long a = rank; a < k; a++) law[row[column[a]]] = OPENS;
+        rank = 0;
+        for (long a = 0; a < k; a++)
+            if (law[row[a]] == HOLDS) row[rank++] = row[a];
+    }
+}
+
+/* What these laws are solved by, `push` and `rate` (n), row by row as exact as rounding allows. The first row that does not hold as it should, or does not stay open; n: none. */
+static long first_wrong(Integrator *I, const Decision *D, long *law, double *push, double *rate) {
+    struct State *T = I->state;
+    long n = D->n, *row = T->index_rows, k = independent_rows(I, D, law, row), wrong = n;
+    double *B = T->index_work + n * n, *noise = B + n * n + n;
+    for (long i = 0; i < n; i++) push[i] = noise[i] = 0;
+    for (long a = 0; a < k; a++)
+        for (long b = 0; b < k; b++) {
+            double part = B[a * k + b] / sqrt(T->row_unit[row[a]] * T->row_unit[row[b]]);
+            push[row[a]] -= part * D->free[row[b]];
+            noise[row[a]] += fabs(part) * T->free_noise[row[b]];
+        }
+    for (long i = n - 1; i >= 0; i--) {
+        double sum = D->free[i], rounds = T->free_noise[i];
+        for (long j = 0; j < n; j++) sum += D->W[i * n + j] * push[j], rounds += fabs(D->W[i * n + j]) * noise[j];
+        rate[i] = law[i] == HOLDS ? 0 : sum;
+        if (law[i] == HOLDS ? push[i] < -noise[i] : law[i] == OPENS && sum < -rounds) wrong = i;
+    }
+    return wrong;
+}
+
+/* Laws from those that are given on: what is wrong is turned round, one after the other, the first first (Murty, Linear Complementarity, Linear and Nonlinear Programming, 1988, 4.1). Whether
+   that has come to an end. */
+static int settle_rows(Integrator *I, const Decision *D, long *law, double *push, double *rate) {
+    for (long flips = 0; flips < FLIPS; flips++) {
+        long wrong = first_wrong(I, D, law, push, rate);
+        if (wrong == D->n) return 1;
+        law[wrong] = law[wrong] == HOLDS ? OPENS : HOLDS;
+    }
+    return 0;
+}
+
 /* What rounding makes of a row in the mode that has been set. */
 static double rounding_of_row(const Integrator *I, long i) {
     const struct State *T = I->state;

@@ -17,7 +17,6 @@
 #define FORESEEN 1e3   /* roundings of rates, where states are extrapolated */
 #define SETTLED 6      /* times that what holds at once is asked again */
 #define SOONEST 1e-13  /* not so much sooner */
-#define BEGINS 1e-6    /* of its terms, and of what it is a little later: what may have been nothing before */
 #define LATER 1e-6     /* of a step: where accelerations are looked at */
 #define FORESEES 0.25 /* part of a rate that it may change by while it is followed */
 #define TOO_LATE 1.0   /* not so much later */
@@ -95,6 +94,9 @@ static long doubles_of_room(const Integrator *I) {
 
 static long longs_of_room(const Integrator *I) { return 5 * (reactions_of(I) + frictions_of(I)) + 1; }
 
+/* Results of the decision's kernel of which it is known what rounding makes of them: gaps and rates, and accelerations where the index changes. */
+static long counted_of(const Integrator *I) { return I->one_sided + (I->changes_index ? 2 : 1) * reactions_of(I); }
+
 static int make_modes(Integrator *I) {
     struct State *T = I->state;
     long n = reactions_of(I), F = frictions_of(I), most = I->one_sided + 2 * F, width = 2 * most + 2;
@@ -108,18 +110,18 @@ static int make_modes(Integrator *I) {
     T->decided = reserve_doubles(I, I->decision.outputs);
     T->decided_noise = reserve_doubles(I, I->decision.outputs);
     T->alone = reserve_doubles(I, reactions_of(I));
-    T->decided_rounds = reserve_doubles(I, I->one_sided + n);
+    T->decided_rounds = reserve_doubles(I, counted_of(I));
     T->decided_from = reserve_lanes(I, GROUP * (1 + I->nx + I->nu));
     if (GROUP > 1 && I->decision.program && !I->decision.twofold) {
-        T->decision_begins = reserve(I, sizeof(int) * (size_t)(WIDTH * (beginning_of(I->decision.program, I->one_sided + n, 0) + 1)));
-        if (T->decision_begins) beginning_of(I->decision.program, I->one_sided + n, T->decision_begins);
+        T->decision_begins = reserve(I, sizeof(int) * (size_t)(WIDTH * (beginning_of(I->decision.program, counted_of(I), 0) + 1)));
+        if (T->decision_begins) beginning_of(I->decision.program, counted_of(I), T->decision_begins);
     }
     T->lemke = reserve_doubles(I, most * width + width);
     T->push = reserve_doubles(I, doubles_of_room(I));
     T->choice_change = reserve_doubles(I, 2 * n * n + 7 * n);
     T->no_change = reserve_doubles(I, I->decision.outputs);
     T->lifted = reserve_doubles(I, 2 * I->masks + 1);
-    T->leaves = reserve(I, sizeof(long) * (size_t)(2 * I->one_sided + 1));
+    T->leaves = reserve(I, sizeof(long) * (size_t)(I->one_sided + 1));
     T->near_knot = reserve_doubles(I, I->one_sided + n + I->nx * n);
     T->gap_terms = reserve_doubles(I, I->one_sided);
     T->at_rest = reserve_doubles(I, I->one_sided);
@@ -128,9 +130,11 @@ static int make_modes(Integrator *I) {
     if (I->changes_index) {
         T->row_unit = reserve_doubles(I, n);
         T->row_terms = reserve_doubles(I, n);
-        T->index_work = reserve_doubles(I, 4 * n * n + n);
+        T->free_noise = reserve_doubles(I, n);
+        T->index_work = reserve_doubles(I, 4 * n * n + 2 * n);
         T->index_rows = reserve(I, sizeof(long) * (size_t)(3 * n));
-        if (!I->counted && !(T->row_unit && T->row_terms && T->index_work && T->index_rows)) return 0;
+        T->index_found = reserve(I, sizeof(long) * (size_t)n);
+        if (!I->counted && !(T->row_unit && T->row_terms && T->free_noise && T->index_work && T->index_rows && T->index_found)) return 0;
     }
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
     return I->counted || (T->decided && T->decided_noise && T->alone && T->decided_rounds && T->decided_from && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->first_rate && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
@@ -190,12 +194,10 @@ static int arguments_at(Integrator *I, double t, const double *x) {
     V *in = T->decision_in;
     int known = T->is_decided;
     T->is_decided = 0;
+    if (!find_drift(I, t, x)) return -1;
     for (long from = 0; from < COUNTED; from += LANES) {
         for (long l = 0; l < LANES; l++)
-            for (long i = -1; i < I->nx; i++) {
-                double value = i < 0 ? t : x[i], unit = from + l > 0 ? EPS * (i < 0 ? fabs(t) : fmax(T->size[i], fabs(x[i]))) : 0;
-                in[1 + i][l] = value + unit * ((double)(drawn((from + l) * (I->nx + 1) + i) >> 29) / 2 - 1.75);
-            }
+            for (long i = -1; i < I->nx; i++) in[1 + i][l] = disturbed_by(I, t, x, i, from + l);
         if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return -1;
         V *kept = T->decided_from + from / LANES * count;
         known = known && memcmp(kept, in, sizeof(V) * (size_t)count) == 0;
@@ -209,7 +211,7 @@ static int arguments_at(Integrator *I, double t, const double *x) {
 static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     struct State *T = I->state;
     V *in = T->decision_in;
-    long gaps = I->one_sided, n = reactions_of(I), first = gaps + n, count = 1 + I->nx + I->nu;
+    long gaps = I->one_sided, n = reactions_of(I), first = counted_of(I), count = 1 + I->nx + I->nu;
     int known = arguments_at(I, t, x);
     if (known < 0) return 0;
     for (long o = 0; o < first && !known; o++) T->decided_rounds[o] = 0;
@@ -227,7 +229,10 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     }
     memcpy(T->decided_noise, T->decided_rounds, sizeof(double) * (size_t)first);
     *D = decision_of(I, T->decided, T->decided_noise);
-    if (I->changes_index) find_units(I, D);
+    if (I->changes_index) {
+        find_units(I, D);
+        for (long i = 0; i < n; i++) T->free_noise[i] = fmax(T->decided_rounds[gaps + n + i], TOUCHES * EPS * T->row_terms[i]);
+    }
     for (long i = 0; i < gaps; i++) {
         T->gap_terms[i] = fmax(D->terms[i], 0);
         T->decided_noise[i] = fmax(T->decided_noise[i], (T->begun ? 2 : TOUCHES) * EPS * T->gap_terms[i]); /* where things are put is rounded too */
@@ -458,8 +463,8 @@ static void set_masks(Integrator *I, const Decision *D, Room R) {
     double largest = largest_in(D, R.push);
     for (long i = 0; i < D->gaps; i++) {
         int carried = I->redundant && T->side[carried_of(I) + 1 + i] != 0;
-        double least = I->changes_index ? 2 * EPS * largest : D->kind[i] == NO_IMPACT && !I->redundant ? 0 : NIL * largest; /* valves that leak have units too far apart */
-        if (R.law[i] == HOLDS && !carried && !(R.push[i] * unit_of(own_of(D, i)) > least)) R.law[i] = OPENS;
+        double least = D->kind[i] == NO_IMPACT && !I->redundant ? 0 : NIL * largest; /* valves that leak have units too far apart */
+        if (R.law[i] == HOLDS && !carried && !I->changes_index && !(R.push[i] * unit_of(own_of(D, i)) > least)) R.law[i] = OPENS;
         T->side[i] = R.law[i] == HOLDS;
         double nothing = NIL * largest * unit_of(own_of(D, i));
         T->at_rest[i] = is_speed(D, i) && R.law[i] == OPENS && fabs(R.rate[i]) <= nothing ? nothing : 0;
@@ -553,7 +558,7 @@ static void share_as_rates_do(const Integrator *I, const Decision *D, const Prob
 static enum Code decide_when(Integrator *I, Room R, double planned, double later, int *roughly) {
     struct State *T = I->state;
     Decision D;
-    long laws = I->one_sided + frictions_of(I), *asked = R.wanted;
+    long laws = I->one_sided + frictions_of(I), *asked = R.wanted, *found = T->index_found;
     for (long k = carried_of(I); I->redundant && k < first_discrete(I); k++) T->side[k] = 0;
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] && (R.touching[i] == 2 || D.rate[i] <= least_rate(I, &D, i, D.free[i])) ? MAY_HOLD : OFF;
@@ -571,6 +576,12 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
         *roughly = 0;
         memcpy(R.law, asked, sizeof(long) * (size_t)laws);
         int solved = complementary(&p, R.place, T->lemke, T->basis), held = 0;
+        if (I->changes_index) {
+            for (long i = 0; i < D.gaps && !solved; i++) R.law[i] = asked[i] == OFF ? OFF : T->side[i] == 1 ? HOLDS : OPENS;
+            memcpy(found, R.law, sizeof(long) * (size_t)laws);
+            if (settle_rows(I, &D, R.law, R.push, R.rate)) solved = 1;
+            else if (solved) memcpy(R.law, found, sizeof(long) * (size_t)laws);
+        }
         if (I->redundant) {
             held = hold_more(I, &D, asked, R.law, R.along, solved ? R.rate : 0, R.push, later);
             if (held < 0 || !decision_later(I, later, &D)) return INPUT_FAILED; /* it has looked elsewhere */
@@ -591,7 +602,7 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
         }
         if (!begun) break; /* what slips has another limit */
     }
-    find_rates(&p);
+    if (!I->changes_index) find_rates(&p);
     if (I->redundant) share_as_rates_do(I, &D, &p, R);
     for (long f = 0; f < D.frictions; f++) /* not where nothing presses */
         if (R.law[D.gaps + f] == AGAINST && !(limit_of(&p, f) > 0)) R.law[D.gaps + f] = OFF;
@@ -605,45 +616,6 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     }
     set_directions_of_forces(I, &p);
     return REACHED_END;
-}
-
-/* Whether all that is to be decided are rows without rates. */
-static int holds_at_once(const Integrator *I) {
-    Decision D = decision_of(I, I->state->decided, 0); /* of some place: kinds are the same at all */
-    int all = frictions_of(I) == 0;
-    for (long i = 0; i < D.gaps; i++) all &= D.kind[i] == NO_IMPACT;
-    return all;
-}
-
-/* What is decided here and now already, into `now`: HOLDS, OPENS, or MAY_HOLD where that only begins; of rows without rates, where there are no others. Rounding is what is so
-   beside its terms, and beside what there is `later`. */
-static int decide_now(Integrator *I, Room R, double later, long *now) {
-    struct State *T = I->state;
-    Decision D;
-    double *noise = R.compressed, largest = 0; /* there are no impacts */
-    for (long i = 0; i < I->one_sided; i++) now[i] = MAY_HOLD;
-    if (!holds_at_once(I) || I->changes_index) return 1;
-    if (!decision_later(I, later, &D)) return 0;
-    memcpy(noise, D.free, sizeof(double) * (size_t)D.gaps);
-    if (!decision_at(I, I->t, I->x, &D)) return 0;
-    for (long i = 0; i < D.gaps; i++) {
-        noise[i] = fmax(BEGINS * fabs(noise[i]), TOUCHES * EPS * fabs(I->t) / later * fabs(noise[i] - D.free[i]));
-        R.law[i] = R.touching[i] ? MAY_HOLD : OFF;
-        largest = fmax(largest, fabs(D.free[i]) / unit_of(own_of(&D, i)));
-    }
-    Problem p = problem_of(I, &D, R, D.free);
-    p.constants = 1;
-    if (!complementary(&p, R.place, T->lemke, T->basis)) return 1;
-    for (long i = 0; i < D.gaps; i++) {
-        const double *W = D.W + i * D.n;
-        double terms = fabs(D.free[i]);
-        for (long j = 0; j < D.n; j++) terms = fmax(terms, fabs(W[j] * R.push[j]));
-        double told = R.law[i] == HOLDS ? fmin(R.push[i] * W[i], fabs(D.free[i])) : R.law[i] == OPENS ? R.rate[i] : 0;
-        if (told > fmax(noise[i], fmax(BEGINS * terms, FITS * largest * unit_of(W[i])))) now[i] = R.law[i];
-    }
-    if (I->redundant && least_pivot(&D, R.law, R.work, R.place) > 0) /* how they share what they carry is not told here */
-        for (long i = 0; i < D.gaps; i++) now[i] = now[i] == HOLDS ? MAY_HOLD : now[i];
-    return 1;
 }
 
 /* How much later states are still what their rates here make of them, `most` at most: a leak lets go in no time what has been held. 0 when the input function failed. */
@@ -668,24 +640,6 @@ static double foreseen(Integrator *I, double most) {
     return fmax(h, least);
 }
 
-/* Whether rows hold that depend on one another, in the mode that has been set. */
-static int holds_shared(const Integrator *I) { return I->redundant && I->state->side[carried_of(I) - 1] > 0; }
-
-/* Rows without rates that hold together, though they depend on one another, may do so at this instant only, as two valves where the source between them passes zero: so soon rounding hides
-   it. Whether a later look opens some of those, and changes nothing else; the mode is then that, else that of so much `later`. */
-static enum Code part_shared(Integrator *I, Room R, double planned, double later, double most) {
-    double *before = I->state->lifted + I->masks, *side = I->state->side;
-    int roughly;
-    memcpy(before, side, sizeof(double) * (size_t)I->masks);
-    for (double look = 100 * later; look * planned <= most; look *= 100) {
-        enum Code code = decide_when(I, R, planned, look * planned, &roughly);
-        int opens = 0, closes = 0;
-        for (long i = 0; i < I->one_sided; i++) opens |= side[i] < before[i], closes |= side[i] > before[i];
-        if (code == INPUT_FAILED || (code == REACHED_END && opens && !closes)) return code;
-    }
-    return decide_when(I, R, planned, later * planned, &roughly);
-}
-
 /* Whether rows of the mode that has been set are no more than a little on the wrong side where it begins: else something else has changed by when it was looked at. -1 when the input
    function failed. */
 static int is_true_now(Integrator *I, Room R) {
@@ -703,19 +657,15 @@ static int is_true_now(Integrator *I, Room R) {
 /* The same, not later than it takes to tell; nor so late that something else has changed, if it can be told. */
 static enum Code decide_in_time(Integrator *I, Room R, double planned) {
     struct State *T = I->state;
-    long *now = T->leaves + I->one_sided;
-    double *before = T->lifted + I->masks;
+    double *before = T->lifted + I->masks, first = LATER; /* what begins with no rate is told from rounding later, where it has not lasted */
     enum Code code = REACHED_END;
     int roughly = 1;
     memcpy(before, T->side, sizeof(double) * (size_t)I->masks);
-    double most = 0;
-    if (holds_at_once(I)) {
-        most = foreseen(I, 0.01 * TOO_LATE * planned);
+    if (I->changes_index) {
+        double most = foreseen(I, 0.01 * TOO_LATE * planned);
         if (!(most > 0)) return INPUT_FAILED;
         planned = fmax(fmin(planned, most / LATER), SPENT * EPS / LATER * fabs(I->t)); /* what changes with time does not sooner */
     }
-    if (!decide_now(I, R, LATER * planned, now)) return INPUT_FAILED;
-    double first = LATER; /* what begins with no rate is told from rounding later, where it has not lasted */
     for (long k = 0; k < T->changes && I->changes_index && first < 0.01; k++) first *= 10;
     for (double later = first; roughly && later < TOO_LATE; later *= 100) code = decide_when(I, R, planned, later * planned, &roughly);
     for (double later = 0.01 * first; I->changes_index && later > SOONEST && later * planned > SPENT * EPS * fabs(I->t); later *= 0.01) {
@@ -725,14 +675,6 @@ static enum Code decide_in_time(Integrator *I, Room R, double planned) {
         memcpy(T->side, before, sizeof(double) * (size_t)I->masks);
         code = decide_when(I, R, planned, later * planned, &roughly);
     }
-    for (double later = LATER; later > SOONEST; later *= 0.01) {
-        int sooner = 0;
-        for (long i = 0; i < I->one_sided; i++) sooner |= now[i] != MAY_HOLD && (code != REACHED_END || (now[i] == HOLDS) != (T->side[i] == 1));
-        if (!sooner || (holds_at_once(I) && later * planned <= SPENT * EPS * fabs(I->t))) break;
-        memcpy(T->side, before, sizeof(double) * (size_t)I->masks);
-        code = decide_when(I, R, planned, (0.01 * later > SOONEST ? 0.01 * later : LATER) * planned, &roughly);
-    }
-    if (code == REACHED_END && holds_at_once(I) && holds_shared(I)) code = part_shared(I, R, planned, LATER, most);
     return code;
 }
 

@@ -175,8 +175,8 @@ struct State {
     double *decided, *decided_noise; /* results of the decision's kernel, and what rounding makes of them */
     double *alone;                   /* reactions, as if each were the only one */
     V *decided_from;          /* the arguments that these are of, and others that differ by roundings */
-    double *row_unit, *row_terms, *index_work; /* see index.h */
-    long *index_rows;
+    double *row_unit, *row_terms, *free_noise, *index_work; /* see index.h */
+    long *index_rows, *index_found;
     double *decided_rounds;   /* what that changes of gaps and rates */
     int *decision_begins;     /* the program of gaps and rates alone; null: there is none */
     double *lemke, *impulse, *push, *later_x, *first_rate; /* work of decisions, see modes.h */
@@ -189,6 +189,7 @@ struct State {
     long *set_fired, *set_by;
     double *lifted;    /* masks, while gaps are put to zero */
     double *near_knot; /* gaps, rates and effects of rows just before the last knot */
+    double *drift;     /* samples of what rounding of rates has made of states (COUNTED, nx), and room (4 nx) */
     double *at_rest;   /* of speeds that must not be negative: accelerations that are nothing, where nothing drives them; 0 elsewhere */
     double *gap_terms; /* sizes of what gaps are made of, as known last: they are rounded to those, however little states move them */
     double *impact_t, *impact_x, *impact_size, *impact_noise, *rest_x, *held; /* of the last impacts; where they end; see zeno.h */

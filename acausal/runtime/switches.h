@@ -35,11 +35,60 @@ static int make_switches(Integrator *I) {
     T->row_noise = reserve_doubles(I, I->row_count);
     T->far = reserve(I, (size_t)I->row_count);
     T->one_row = reserve_doubles(I, POINTS * I->row_count);
+    T->drift = reserve_doubles(I, (COUNTED + 4) * I->nx);
     if (!T->chebyshev) {
         T->chebyshev = reserve_doubles(I, POINTS * POINTS);
         if (T->chebyshev) chebyshev_cosines(T->chebyshev);
     }
-    return I->counted || (T->side && T->overs && T->step_by_side && T->row_values && T->row_noise && T->far && T->one_row && T->chebyshev);
+    return I->counted || (T->side && T->overs && T->step_by_side && T->row_values && T->row_noise && T->far && T->one_row && T->drift && T->chebyshev);
+}
+
+/* A sample of a disturbance, in roundings. */
+static double chance_of(long sample) { return (double)(drawn(sample) >> 29) / 2 - 1.75; }
+
+/* Samples of what rounding of rates has made of states since modes have been decided, into T->drift (COUNTED, nx), where valves change their modes: what nothing else moves is no larger than
+   that. What decays forgets it. Returns 0 when the input function failed. */
+static int find_drift(Integrator *I, double t, const double *x) {
+    struct State *T = I->state;
+    struct Sparse *S = &T->sparse;
+    const Kernel *disturbed = I->changes_index ? disturbed_kernel(I, 0) : 0;
+    long n = I->nx;
+    double elapsed = fmax(T->pace, t - fmax(T->changed_at, T->start)), *rounds = T->drift + COUNTED * n, *size = rounds + n, *row = size + n, *kept = row + n;
+    if (!disturbed || !(elapsed < INFINITY) || !make_forgetting(I)) return 1;
+    for (long i = 0; i < n; i++) size[i] = fabs(x[i]);
+    if (!rounding_of(I, disturbed, t, x, size, rounds)) return 0;
+    for (long i = 0; i < n; i++) {
+        rounds[i] = isfinite(rounds[i]) ? elapsed * rounds[i] : 0;
+        size[i] = fmax(size[i], rounds[i]) > 0 ? fmax(size[i], rounds[i]) : 1;
+    }
+    double *own_J = T->J, *own_row = T->row;
+    int given = 1, forgets = !is_dear(I);
+    memcpy(kept, T->rate, sizeof(double) * (size_t)n);
+    if (forgets) {
+        T->J = T->slopes_of, T->row = row;
+        given = slopes_of_rates(I, t, x, size, T->J);
+        measure_sparse_rows(I, elapsed, 0, size);
+        forgets = factor_anew(I, &T->forgetting, v_all(elapsed), v_all(0.0));
+        T->J = own_J, T->row = own_row;
+    }
+    memcpy(T->rate, kept, sizeof(double) * (size_t)n);
+    for (long first = 0; first < COUNTED; first += LANES) {
+        V *out = forgets ? S->re + n : S->re;
+        memset(S->im, 0, sizeof(V) * (size_t)n);
+        for (long i = 0; i < n; i++)
+            for (long l = 0; l < LANES; l++) S->re[i][l] = first + l > 0 ? rounds[i] * chance_of((first + l) * (n + 1) + i) : 0;
+        if (forgets) solve_sparse(I, &T->forgetting);
+        for (long i = 0; i < n; i++)
+            for (long l = 0; l < LANES; l++) T->drift[(first + l) * n + i] = isfinite(out[i][l]) ? out[i][l] : 0;
+    }
+    return given;
+}
+
+/* A state, or at -1 the time, as a sample of what rounding may have made of it. */
+static double disturbed_by(const Integrator *I, double t, const double *x, long i, long sample) {
+    const struct State *T = I->state;
+    double value = i < 0 ? t : x[i], unit = sample > 0 ? EPS * (i < 0 ? fabs(t) : fmax(T->size[i], fabs(x[i]))) : 0;
+    return value + unit * chance_of(sample * (I->nx + 1) + i) + (i < 0 ? 0 : T->drift[sample * I->nx + i]);
 }
 
 /* Rows at a point, into T->one_row, and what rounding makes of them, into T->row_noise. Returns 0 when the input function failed. */
@@ -48,12 +97,10 @@ static int rows_at(Integrator *I, double t, const double *x) {
     V *in = T->rows_in;
     for (long r = 0; r < I->row_count; r++) T->row_noise[r] = 0;
     if (!I->row_count) return 1;
+    if (!find_drift(I, t, x)) return 0;
     for (long first = 0; first < COUNTED; first += LANES) {
         for (long l = 0; l < LANES; l++) {
-            for (long i = -1; i < I->nx; i++) {
-                double value = i < 0 ? t : x[i], unit = first + l > 0 ? EPS * (i < 0 ? fabs(t) : fmax(T->size[i], fabs(x[i]))) : 0;
-                in[1 + i][l] = value + unit * ((double)(drawn((first + l) * (I->nx + 1) + i) >> 29) / 2 - 1.75);
-            }
+            for (long i = -1; i < I->nx; i++) in[1 + i][l] = disturbed_by(I, t, x, i, first + l);
         }
         if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return 0;
         run_masked(I, OF_ROWS, in, T->rows_c, T->rows_out);
