@@ -177,9 +177,24 @@ def test_a_thyristor_hands_its_current_over_to_a_diode_beside_it() -> None:
     assert run[scene.coil.i].ravel()[-1] == pytest.approx(rises(run.t[-1]), rel=1e-11)
 
 
-def test_a_thyristor_alone_with_an_inductor_needs_a_leakage_and_says_so() -> None:
-    with pytest.raises(ac.errors.ModelError, match=r"valve\.passing of valve .* leakage"):
-        ac.build(circuit(0.1, 1.0, 100.0, gate=1.0))
+@pytest.mark.parametrize(("L", "R", "w"), SIZES)
+@pytest.mark.parametrize("late", [0.4, 1.8])
+def test_a_thyristor_alone_with_an_inductor_waits_for_its_gate_and_conducts_until_nothing_flows(
+    L: float, R: float, w: float, late: float
+) -> None:
+    """It is fired `late` in each period, for a sixteenth of that, and blocks either way until then."""
+    gate = np.cos(w * ac.time - late - math.pi / 16) - math.cos(math.pi / 16)
+    scene = circuit(L, R, w, gate=gate)
+    run = ac.build(scene).simulate(5.8 * math.pi / w, {scene.coil.i: 0.0}, rtol=1e-12, samples=300)
+    exact, voltage = np.zeros(run.t.size), AMPLITUDE * np.sin(w * run.t)
+    for k in range(3):
+        branch = Branch(L, R, w, AMPLITUDE, (2 * k * math.pi + late) / w, 0.0)
+        end = zero_of(branch, ((2 * k + 1) * math.pi) / w, ((2 * k + 1.999) * math.pi) / w)
+        now = (run.t > branch.t0) & (run.t < end)
+        exact[now] = [branch(t) for t in run.t[now]]
+        voltage[now] = 0.0
+    np.testing.assert_allclose(run[scene.coil.i].ravel(), exact, rtol=0, atol=1e-11 * AMPLITUDE / R)
+    np.testing.assert_allclose(run[scene.valve.v].ravel(), voltage, rtol=0, atol=1e-11 * AMPLITUDE)
 
 
 def bridge(before: float, behind: float, store: float, resistance: float, at_source: bool) -> Any:

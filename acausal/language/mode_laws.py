@@ -112,8 +112,8 @@ class OneWay:
     on the current itself. Where there is a `gate`, what is open stays open unless that is positive (thyristors, pawls); what holds needs none to go on.
 
     The same law is that of an `other` reaction, which is what the speed is, while `flow`, a variable of the part which is what the reaction is, is the speed. It is
-    turned round so where something else decides the flow, as an inductor does that of a diode in series; only without a gate. The equation of `flow` is that of
-    the law: its part has none.
+    turned round so where something else decides the flow, as an inductor does that of a diode in series; while its gate is shut it holds what is of either sign, too. The
+    equation of `flow` is that of the law: its part has none.
     """
 
     reaction: Reaction
@@ -136,9 +136,9 @@ class OneWay:
 
     def turned(self) -> OneWay | None:
         """The law of the other reaction; None where there is none."""
-        if self.flow is None or self.other is None or self.gate is not None:
+        if self.flow is None or self.other is None:
             return None
-        return OneWay(self.other, self.flow, None, self.speed, self.reaction)
+        return OneWay(self.other, self.flow, self.gate, self.speed, self.reaction)
 
 
 @final

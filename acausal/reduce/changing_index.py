@@ -79,7 +79,11 @@ def modes_of_changing_index(rows: Sequence[ModeRow], names: Mapping[Any, str], m
     systems, more = systems.with_one(holds, G, -holds * left_open)
     found += more
     apart = ca.substitute(y, reactions, found)
-    guards = [(1 - holds[k]) * row.gated(apart[k], 1) + holds[k] * found[k] for k, row in enumerate(rows)]
+    guards = [
+        (1 - holds[k]) * (apart[k] if row.turned else row.gated(apart[k], 1))
+        + holds[k] * (row.gated(found[k], 1) if row.turned else found[k])
+        for k, row in enumerate(rows)
+    ]
     return Modes(
         tuple(rows), (*(mask.holds for mask in own), later, *values, *rates), reactions, ca.SX.zeros(n), ca.densify(h), ca.densify(M), J, found,
         ca.vertcat(*guards), ca.vertcat(ca.SX.zeros(n), left), J @ pushes, systems, None, Magnitudes((), ()), ca.SX(0, 1), Index(h + moved[:, 0], M + moved[:, 1:], ca.densify(M), ca.densify(K), later, ca.densify(rounded(h)), coming),

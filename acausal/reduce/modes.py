@@ -135,7 +135,7 @@ class Modes:
     @property
     def gaps(self) -> ca.SX:
         """Of the one-sided rows (one_sided, 1)."""
-        return ca.vertcat(ca.SX(0, 1), *(row.gated(row.gap, 1) for row in self.rows if row.one_sided))
+        return ca.vertcat(ca.SX(0, 1), *(row.gated(row.gap, 2 if row.turned else 1) for row in self.rows if row.one_sided))
 
 
 def refuse_modes(rows: Sequence[ModeRow | LockRows], what: str) -> None:

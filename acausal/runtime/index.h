@@ -148,6 +148,23 @@ static int combine_others(Integrator *I, const Decision *D, const double *push, 
     return 0;
 }
 
+#define SHUT 2 /* in place of a gap: what blocks stays so, whatever it holds back */
+
+/* Of valves that are turned round and whose gates are shut those that conduct go on to, as long as something flows, and those that block do. How many of these there are; -1 when the input
+   function failed. */
+static int hold_shut(Integrator *I, const Decision *D, long *law) {
+    struct State *T = I->state;
+    int count = 0, known = 0;
+    for (long i = 0; i < D->gaps; i++) {
+        if (D->gap[i] != SHUT) continue;
+        if (!known++ && T->begun && !rows_at(I, I->t, I->x)) return -1;
+        int flows = T->begun ? T->side[i] == 0 && T->one_row[i] > T->row_noise[i] : D->free[i] > T->free_noise[i];
+        law[i] = flows ? MAY_HOLD : HOLDS;
+        count += !flows;
+    }
+    return count;
+}
+
 #define FLIPS 200 /* of rows, until all are as they should be */
 
 /* The compliance of rows `row` (k), in units of rows, into T->index_work. */
@@ -176,8 +193,8 @@ static long independent_rows(Integrator *I, const Decision *D, long *law, long *
     }
 }
 
-/* What these laws are solved by, `push` and `rate` (n), row by row as exact as rounding allows. The first row that does not hold as it should, or does not stay open; n: none. */
-static long first_wrong(Integrator *I, const Decision *D, long *law, double *push, double *rate) {
+/* What these laws are solved by, those among them that are `asked` to hold whatever that takes; `push` and `rate` (n), row by row as exact as rounding allows. The first row that does not hold as it should, or does not stay open; n: none. */
+static long first_wrong(Integrator *I, const Decision *D, const long *asked, long *law, double *push, double *rate) {
     struct State *T = I->state;
     long n = D->n, *row = T->index_rows, k = independent_rows(I, D, law, row), wrong = n;
     double *B = T->index_work + n * n, *noise = B + n * n + n;
@@ -192,16 +209,16 @@ static long first_wrong(Integrator *I, const Decision *D, long *law, double *pus
         double sum = D->free[i], rounds = T->free_noise[i];
         for (long j = 0; j < n; j++) sum += D->W[i * n + j] * push[j], rounds += fabs(D->W[i * n + j]) * noise[j];
         rate[i] = law[i] == HOLDS ? 0 : sum;
-        if (law[i] == HOLDS ? push[i] < -noise[i] : law[i] == OPENS && sum < -rounds) wrong = i;
+        if (law[i] == HOLDS ? asked[i] != HOLDS && push[i] < -noise[i] : law[i] == OPENS && sum < -rounds) wrong = i;
     }
     return wrong;
 }
 
 /* Laws from those that are given on: what is wrong is turned round, one after the other, the first first (Murty, Linear Complementarity, Linear and Nonlinear Programming, 1988, 4.1). Whether
    that has come to an end. */
-static int settle_rows(Integrator *I, const Decision *D, long *law, double *push, double *rate) {
+static int settle_rows(Integrator *I, const Decision *D, const long *asked, long *law, double *push, double *rate) {
     for (long flips = 0; flips < FLIPS; flips++) {
-        long wrong = first_wrong(I, D, law, push, rate);
+        long wrong = first_wrong(I, D, asked, law, push, rate);
         if (wrong == D->n) return 1;
         law[wrong] = law[wrong] == HOLDS ? OPENS : HOLDS;
     }

@@ -563,6 +563,9 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] && (R.touching[i] == 2 || D.rate[i] <= least_rate(I, &D, i, D.free[i])) ? MAY_HOLD : OFF;
     for (long f = 0; f < D.frictions; f++) R.law[D.gaps + f] = R.touching[D.gaps + f] == 1 ? MAY_HOLD : AGAINST;
+    int given = 0;
+    if (I->changes_index) given = hold_shut(I, &D, R.law);
+    if (given < 0) return INPUT_FAILED;
     memcpy(asked, R.law, sizeof(long) * (size_t)laws);
     for (long f = 0; f < D.frictions; f++) R.slow[f] = size_of(&D, f, D.rate);
     if (!decision_later(I, later, &D)) return INPUT_FAILED;
@@ -575,11 +578,11 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     for (long again = 0; again <= D.frictions; again++) {
         *roughly = 0;
         memcpy(R.law, asked, sizeof(long) * (size_t)laws);
-        int solved = complementary(&p, R.place, T->lemke, T->basis), held = 0;
+        int solved = !given && complementary(&p, R.place, T->lemke, T->basis), held = 0;
         if (I->changes_index) {
-            for (long i = 0; i < D.gaps && !solved; i++) R.law[i] = asked[i] == OFF ? OFF : T->side[i] == 1 ? HOLDS : OPENS;
+            for (long i = 0; i < D.gaps && !solved; i++) R.law[i] = asked[i] != MAY_HOLD ? asked[i] : T->side[i] == 1 ? HOLDS : OPENS;
             memcpy(found, R.law, sizeof(long) * (size_t)laws);
-            if (settle_rows(I, &D, R.law, R.push, R.rate)) solved = 1;
+            if (settle_rows(I, &D, asked, R.law, R.push, R.rate)) solved = 1;
             else if (solved) memcpy(R.law, found, sizeof(long) * (size_t)laws);
         }
         if (I->redundant) {

@@ -35,12 +35,13 @@ def warn_if_passed_back(functions: Functions, run: Trajectory) -> bool:
     steps = steps[spread(steps.size, _LOOKS)]
     inside = run.at((run.steps.t[steps] + run.steps.t[steps + 1]) / 2)
     closed = met.at_ends(run.steps.t.size)[[k for k, _ in rows]][:, steps] == 1
-    free = np.array([_may_close(row, inside) for _, row in rows]) & ~closed
+    opens, turned = np.array([_is_fired(row, inside) for _, row in rows]), np.array([[row.turned] for _, row in rows])
+    free = (opens | turned) & ~closed
     moved = np.array([inside[row.moved].ravel() for _, row in rows])
     passed = np.array([inside[row.reaction.sx].ravel() for _, row in rows])
     least, most, through = _HELD * _power(inside), np.max(np.abs(moved)), np.max(np.abs(passed))
     left = (closed & (np.abs(moved * passed) > least)) | (free & (-moved > _BACK * most) & (-moved * through > least))
-    back = closed & (-passed > _BACK * through) & (-passed * most > least)
+    back = closed & (opens | ~turned) & (-passed > _BACK * through) & (-passed * most > least)
     for found, value, of in ((left, moved, "moved"), (back, passed, "reaction")):
         for place in np.argwhere(found):
             row, t = rows[place[0]][1], float(inside.t[place[1]])
@@ -58,8 +59,8 @@ def _power(inside: Trajectory) -> float:
     return float(np.nan_to_num(np.max(flows)) + stored / (inside.t[-1] - inside.t[0] or np.inf))
 
 
-def _may_close(row: ModeRow, inside: Trajectory) -> np.ndarray:
-    """Where nothing but its law keeps it open (n,)."""
+def _is_fired(row: ModeRow, inside: Trajectory) -> np.ndarray:
+    """Where its gate, if it has one, is open (n,)."""
     return np.broadcast_to(True if row.gate is None else inside[row.gate].ravel() > 0, inside.t.shape)
 
 
