@@ -64,8 +64,8 @@ class IdealDiode(AbstractValve):
 class Thyristor(AbstractValve):
     """An ideal diode that begins to conduct only where its `gate` is positive, and goes on until its current has fallen to zero.
 
-    `gate`: an input, a function of time, or an expression of the scene. `leakage` [A/V] and `resistance` [Ohm] as of an IdealDiode, but it needs a leakage
-    behind an inductor too, unless a diode beside it can take the current over; it leaks in either direction while it blocks.
+    `gate`: an input, a function of time, or an expression of the scene. `leakage` [A/V] and `resistance` [Ohm] as of an IdealDiode; it leaks in either
+    direction while it blocks.
 
         scene.dimmer = Thyristor(gate=ac.Input("V"))
     """

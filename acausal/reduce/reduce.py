@@ -425,8 +425,8 @@ def _followed(tree: Tree) -> list[Held]:
 def _rate_acts(mechanics: MechanicalSystem, reaction: Reaction) -> str:
     row = next(row for row in (*mechanics.modes, *mechanics.locks) if reaction in row.reactions)
     return (
-        f"{mechanics.flat.names[reaction]} of {row.part.where} is decided by other states too, so that its rate would act: a clutch or a stop on a spring alone, a thyristor in "
-        "series with an inductor. Put a mass or an inertia where a force acts, a resistance or a leakage where a current flows."
+        f"{mechanics.flat.names[reaction]} of {row.part.where} is decided by other states too, so that its rate would act: a clutch or a stop on a spring alone. "
+        "Put a mass or an inertia where a force acts, a resistance or a leakage where a current flows."
     )
 
 
