@@ -578,7 +578,7 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
     for (long again = 0; again <= D.frictions; again++) {
         *roughly = 0;
         memcpy(R.law, asked, sizeof(long) * (size_t)laws);
-        int solved = !given && complementary(&p, R.place, T->lemke, T->basis), held = 0;
+        int solved = given ? 0 : complementary(&p, R.place, T->lemke, T->basis), held = 0;
         if (I->changes_index) {
             for (long i = 0; i < D.gaps && !solved; i++) R.law[i] = asked[i] != MAY_HOLD ? asked[i] : T->side[i] == 1 ? HOLDS : OPENS;
             memcpy(found, R.law, sizeof(long) * (size_t)laws);

@@ -117,7 +117,7 @@ static int rows_at(Integrator *I, double t, const double *x) {
     for (long r = 0; r < I->one_sided && I->changes_index; r++) T->row_noise[r] = fmax(T->row_noise[r], rounding_of_row(I, r));
     for (long r = 0; r < I->row_count; r++) {
         long overs = T->overs[I->row_switch[r]];
-        for (int j = 1; j < POINTS && overs > OVERS && T->row_noise[r] == 0; j++) /* what time and states do not show */
+        for (int j = 1; j < POINTS && r >= I->mode_rows && overs > OVERS && T->row_noise[r] == 0; j++) /* what time and states do not show */
             T->row_noise[r] = EPS * fabs(T->row_values[j * I->row_count + r]);
         for (long k = OVERS; k < overs; k++) T->row_noise[r] *= 10;
     }
