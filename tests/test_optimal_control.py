@@ -20,6 +20,7 @@ from acausal.optimal_control import attempts, solving
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.lanes import Lanes, mapped, plainly
 from acausal.optimal_control.mesh import Mesher
+from acausal.optimal_control.search import search
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
 from acausal.optimal_control.whole import whole
 from acausal.simulate.trajectory import Trajectory
@@ -235,6 +236,37 @@ def test_least_effort_from_rest_to_rest() -> None:
     assert best.growth == pytest.approx(
         np.linalg.norm([[1, best.x[1].max()], [0, 1]], 2), rel=0.3
     )  # of x' = v, over the whole time
+
+
+@pytest.mark.parametrize(("intervals", "far", "time"), [(3, 1e-3, 0.1), (8, 0.7, 1.3), (5, 1e3, 40.0)])
+def test_forces_that_are_lines_are_those_of_a_quadratic_program(intervals: int, far: float, time: float) -> None:
+    """A mass is moved by forces that are straight between nodes: the least of their squares by the normal equations of hat functions, whose moments move it."""
+    scene, h = Sledge(), time / intervals
+    ocp = ac.OptimalControl(ac.build(scene), time)
+    ocp.start({scene.rail.q: 0})
+    ocp.end({scene.rail.q: far, scene.rail.v: 0.3 * far / time})
+    ocp.minimise(ac.integral(scene.force**2))
+    best = ocp.solve(intervals, controls="linear", refinements=0)
+    t = np.linspace(0, time, intervals + 1)
+    weight = np.where((t == 0) | (t == time), h / 2, h)
+    G = np.diag(4 * weight) + h * (np.eye(intervals + 1, k=1) + np.eye(intervals + 1, k=-1))
+    first = np.where(t == 0, h / 3, np.where(t == time, -h / 3, 0.0))  # from a node to the middle of its hat
+    moments = np.array([weight, weight * (time - t - first)])
+    u = np.linalg.solve(G, moments.T) @ np.linalg.solve(moments @ np.linalg.solve(G, moments.T), [0.3 * far / time, far])
+    assert best.cost == pytest.approx(u @ G @ u / 6, rel=1e-9)
+    assert np.allclose(best.inputs[scene.force](np.append(t[:-1], time * (1 - 1e-12))), u, rtol=0, atol=1e-8 * np.max(np.abs(u)))
+
+
+def test_forces_that_are_lines_keep_their_bounds_from_the_start_on() -> None:
+    """Least time comes to that of full force and full brake where nodes may move."""
+    scene = Sledge()
+    ocp = rest_to_rest(ac.build(scene), scene, ac.free(0.1, 10))
+    ocp.bound(scene.force, -1, 1)
+    ocp.minimise(ocp.duration)
+    coarse, best = (ocp.solve(10, controls="linear", refinements=n) for n in (0, 8))
+    force = best.inputs[scene.force](np.linspace(0, best.duration, 999))
+    assert 2.0 < best.cost < 2.0 + 0.1 * (coarse.cost - 2.0)
+    assert np.max(np.abs(force)) < 1 + 1e-8
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
@@ -604,6 +636,27 @@ def test_forces_that_are_best_at_their_bounds_say_what_a_mesh_leaves_of_them(tim
     free, held = ocp.solve(intervals), ocp.solve(intervals, controls="constant")
     assert abs(free.cost + 20) < free.cost_error and free.violation < 1e-6
     assert abs(held.cost + 20) < held.cost_error < 1e-6
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_search_that_begins_at_what_was_found_ends_soon(size: float) -> None:
+    """On the same mesh, where forces and a speed are at their bounds: within a few steps, and at the same cost."""
+    scene = Sledge()
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.1, 10))
+    ocp.start({scene.rail.q: 0.0})
+    ocp.end({scene.rail.q: size, scene.rail.v: 0.0})
+    ocp.bound(scene.force, -size, size)
+    ocp.bound(scene.rail.v, -0.7 * size, 0.7 * size)
+    ocp.minimise(ocp.duration)
+    best = ocp.solve(15)
+    assert best.cost == pytest.approx(1 / 0.7 + 0.7, rel=1e-9)
+    assert best.sharper is not None
+    before = best.sharper.parts[0]
+    part = replace(before, mesh=replace(best.mesh, loose=before.mesh.loose), guess=best.motion)
+    _, cost, *_, stats = search(whole([part], []).program, "ipopt", {}, warm=True)
+    assert stats["success"]
+    assert stats["iter_count"] < 10
+    assert cost == pytest.approx(best.cost, rel=1e-9)
 
 
 def test_what_a_search_near_by_loses_is_searched_from_afar(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -977,6 +1030,8 @@ def test_a_periodic_motion_ends_as_it_began() -> None:
         (lambda s, m: ac.OptimalControl(m, 1.0).at(1.5, {s.rail.q: 0}), "between 0 and 1"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(solver="snopt"), "no solver 'snopt'"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(order=4), "odd order"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).solve(order=1, controls="linear"), "a line needs two"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).solve(controls="spline"), "'free', 'constant' or 'linear'"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(tolerance=np.nan), "tolerance must be a finite"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(refinements=-1), "refinements is -1"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(options={"ipopt.bliss": 1}), "No such IPOPT option: bliss"),

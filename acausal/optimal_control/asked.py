@@ -77,6 +77,8 @@ ROOM = 1e-6
 """Of what a bound and a value are: how far apart they are before they contradict each other."""
 AS_AT_START = "as at the start: "
 """How the names of rows begin that say of a state that it returns."""
+FREE, CONSTANT, LINEAR = "free", "constant", "linear"
+"""What inputs are in each interval: polynomials through its points, numbers, or straight lines that go on from one to the next."""
 GIVEN = "start values"
 """The name of what is given at the start and holds with what is free there."""
 
@@ -85,7 +87,7 @@ GIVEN = "start values"
 class Asked:
     """A problem, by unknowns of a `stage`. `path`: at every point; `here`: at parts of the duration; `start` (nx,): all states, NaN what is open;
     `cost`: what is minimised; `totals`: what else stays between two numbers, with names. `periodic`: by what the states
-    (nx,) are more at the end than at the start, NaN what is open. `held`: inputs are constant in each interval. `duration` and `geometry`:
+    (nx,) are more at the end than at the start, NaN what is open. `controls`: what inputs are in each interval. `duration` and `geometry`:
     (2,) and (free parameters, 2) bounds.
     """
 
@@ -96,9 +98,14 @@ class Asked:
     periodic: np.ndarray | None
     cost: Total
     totals: Sequence[tuple[Total, float, float, str]]
-    held: bool
+    controls: str
     duration: np.ndarray
     geometry: np.ndarray
+
+    @property
+    def held(self) -> bool:
+        """Whether inputs are constant in each interval."""
+        return self.controls == CONSTANT
 
     @functools.cached_property
     def points(self) -> dict[tuple[int, ...], Smooth]:
@@ -113,6 +120,16 @@ class Asked:
         rows = ca.veccat(stage.rates, stage.balance, stage.invariants[0], *(limits.value for limits in said))
         unknowns = ca.vertcat(stage.unknowns[: stage.width], stage.geometry)
         return not any(ca.which_depends(stage.put(rows), unknowns, 2, True))
+
+    @functools.cached_property
+    def proportional(self) -> bool:
+        """Whether inputs act, and are paid for, in proportion alone: the best ones are at bounds then, or along singular arcs."""
+        stage = self.stage
+        said, cost = [*self.path, *(limits for _, limits in self.here)], self.cost
+        paid = (cost.integrals, cost.averages, cost.starts, cost.ends)
+        rows = ca.veccat(stage.rates, stage.balance, *(limits.value for limits in said), *paid)
+        inputs = stage.unknowns[stage.width - stage.sizes[3] : stage.width]
+        return bool(inputs.numel()) and not any(ca.which_depends(stage.put(rows), inputs, 2, True))
 
     @property
     def entries(self) -> list[tuple[int, Limits, int]]:

@@ -11,6 +11,7 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from acausal.optimal_control.asked import CONSTANT
 from acausal.optimal_control.failing import interrupted
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.link import Link
@@ -35,6 +36,8 @@ _LATER = (4.0, np.inf)
 """Times the guess: how long motions are at first, where in that time none was found; as long as they may be."""
 _STEADILY, _ANEW = {"ipopt.mu_strategy": "monotone"}, 2
 """How a search goes on from where it lost its way, and how often."""
+_ALONG = {"ipopt.mu_strategy": "monotone", "ipopt.warm_start_init_point": "yes"}
+"""How a search goes on along singular arcs: slowly, since what it has not told apart yet stays smooth."""
 _BESIDE, _LOWER = 1e-2, 1e-6
 """Of the unknowns, how far beside a guess that is found stationary it begins anew; of the cost, what is lower then."""
 _BENT = 1e-4
@@ -142,24 +145,26 @@ class Searches:
             replace(part, mesh=mesh, guess=part.guess if attempt.feigned else one.motion)
             for part, mesh, one in zip(attempt.parts, meshes, attempt.phases, strict=True)
         ]
-        options = _BRIEFLY if briefly else {}
+        options = {**(_BRIEFLY if briefly else {}), **(_ALONG if any(one.flat for one in attempt.phases) else {})}
         return self._made(parts, whole(parts, self._links), attempt.refined + 1, options, warm=attempt.off <= COARSE)
 
-    def held(self, attempt: Attempt) -> Attempt:
-        """The same on the same meshes, from what was found, with inputs that are held in each interval."""
+    def shaped(self, attempt: Attempt, controls: Sequence[str]) -> Attempt:
+        """The same on the same meshes, from what was found, with inputs that are these in each phase."""
         parts = [replace(part, guess=one.motion) for part, one in zip(attempt.parts, attempt.phases, strict=True)]
-        return self._held(parts, attempt.refined, {}, warm=True)
+        return self._shaped(parts, controls, attempt.refined, {}, warm=True)
 
     def through_held(self, attempt: Attempt) -> Attempt:
         """The same from where it began, with inputs that are held in each interval; and from what is found by these: between points they cannot be what they are not there."""
-        held = self._held(attempt.parts, attempt.refined, _BRIEFLY, warm=False)
+        held = self._shaped(attempt.parts, [CONSTANT] * len(attempt.parts), attempt.refined, _BRIEFLY, warm=False)
         if not held.success:
             return held
         parts = [replace(part, guess=one.motion) for part, one in zip(attempt.parts, held.phases, strict=True)]
         return self._made(parts, whole(parts, self._links), attempt.refined, _BRIEFLY, warm=True)
 
-    def _held(self, parts: Sequence[Part], refined: int, options: dict[str, Any], *, warm: bool) -> Attempt:
-        parts = [replace(part, asked=replace(part.asked, held=True)) for part in parts]
+    def _shaped(
+        self, parts: Sequence[Part], controls: Sequence[str], refined: int, options: dict[str, Any], *, warm: bool
+    ) -> Attempt:
+        parts = [replace(part, asked=replace(part.asked, controls=own)) for part, own in zip(parts, controls, strict=True)]
         return self._made(parts, whole(parts, self._links), refined, options, warm=warm)
 
     def _search(self, problem: Whole, options: dict[str, Any], **how: Any) -> Outcome:

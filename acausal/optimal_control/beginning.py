@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from acausal.optimal_control.asked import FREE
 from acausal.optimal_control.attempts import COARSE, Attempt, Searches, finer
 from acausal.optimal_control.failing import bottomless, unmet
 from acausal.optimal_control.swings import Other
@@ -37,10 +38,10 @@ def best_beginning(
     where nothing was found so far. Inputs that are to be held are free at first: a search for them alone creeps.
     """
     finer_by = min(refinements, _FINER)
-    if any(part.asked.held and part.bent is not None and not part.asked.linear for part in parts):
-        loose = [replace(part, asked=replace(part.asked, held=False)) for part in parts]
+    if any(part.asked.controls != FREE and part.bent is not None and not part.asked.linear for part in parts):
+        loose = [replace(part, asked=replace(part.asked, controls=FREE)) for part in parts]
         free = _begun(searches, loose, others, tolerance, finer_by)
-        held = searches.held(free) if free.success else free
+        held = searches.shaped(free, [part.asked.controls for part in parts]) if free.success else free
         if held.success or bottomless(held.problem, held.cost):
             return held
     return _begun(searches, parts, others, tolerance, finer_by)
@@ -80,7 +81,7 @@ def _begun(
 
 def _true(searches: Searches, attempt: Attempt) -> Attempt:
     """Another one in its place that is not feigned, if there is one."""
-    if not attempt.feigned or all(part.asked.held for part in attempt.parts):
+    if not attempt.feigned or all(part.asked.controls != FREE for part in attempt.parts):
         return attempt
     other = searches.through_held(attempt)
     return other if other.success and other.off < attempt.off else attempt

@@ -12,6 +12,7 @@ from scipy.special import comb
 from acausal.arguments import whole_number
 from acausal.collocation.tableau import Tableau, radau_iia
 from acausal.errors import OptionError
+from acausal.optimal_control.asked import CONSTANT, FREE, LINEAR
 
 _PLUGINS = ("ipopt",)
 """Solvers that take the derivatives of a program as they are."""
@@ -114,7 +115,7 @@ def through(points: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Mesher:
-    """What is asked of a transcription: the number of `intervals`, the `order` of collocation, "free" or "constant" `controls`, the `solver`. Raises
+    """What is asked of a transcription: the number of `intervals`, the `order` of collocation, "free", "constant" or "linear" `controls`, the `solver`. Raises
     `OptionError` where that makes no sense.
     """
 
@@ -126,11 +127,15 @@ class Mesher:
     def __post_init__(self) -> None:
         if self.solver not in _PLUGINS:
             raise OptionError(f"solve: there is no solver {self.solver!r}. Use {', '.join(map(repr, _PLUGINS))}.")
-        if self.controls not in ("free", "constant"):
-            raise OptionError(f"solve: there are no controls {self.controls!r}. Use 'free' or 'constant'.")
+        if self.controls not in (FREE, CONSTANT, LINEAR):
+            raise OptionError(f"solve: there are no controls {self.controls!r}. Use 'free', 'constant' or 'linear'.")
         whole_number(self.order, "solve: the order", 1, 31)
         if self.order % 2 == 0:
             raise OptionError(f"solve: Radau collocation has odd order, not {self.order}.")
+        if self.controls == LINEAR and self.order == 1:
+            raise OptionError(
+                "solve: collocation of order 1 has one point in each interval, and a line needs two. Leave the order out."
+            )
         whole_number(self.intervals, "solve: intervals", 1)
 
     def mesh(self, places: Sequence[float]) -> Mesh:

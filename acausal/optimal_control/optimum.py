@@ -34,6 +34,8 @@ _LEFT, _CLEAR = 1.25, 1e-3
 an input cannot jump within an interval."""
 _LITTLE = 1e-3
 """Of the unit of the cost: what integrals are measured by that are less."""
+_GOOD_PART = 0.2
+"""Of all intervals: so many are more than switches fall into."""
 _TOLD = 1e-6
 """Of what is bounded: by how much bounds are left, where that is told."""
 _DIGITS = 1e-8
@@ -347,17 +349,34 @@ class Optimum:
     @functools.cached_property
     def switching(self) -> np.ndarray:
         """(intervals + 1,): beside which nodes something comes to one of its bounds, or leaves it."""
-        K, found = self.mesh.intervals, np.zeros(self.mesh.intervals + 1, dtype=bool)
-        for limits in self.transcribed.asked.path:
-            if not limits.value.numel():
-                continue
-            values = self._values(limits.value, replace(self.motion, times=self.motion.times[1:], values=self.motion.values[1:]))
-            near = _AT_BOUND * limits.sizes(values)[:, None]
-            over, under = values > limits.upper[:, None] - near, values < limits.lower[:, None] + near
-            where = (over.astype(int) - under.astype(int)).reshape(-1, K, self.mesh.tableau.stages)
-            both = np.concatenate([where[:, :-1], where[:, 1:]], axis=2)
-            found[1:-1] |= np.any(both != both[:, :, :1], axis=(0, 2))
+        found = np.zeros(self.mesh.intervals + 1, dtype=bool)
+        where = self._at_bounds
+        both = np.concatenate([where[:, :-1], where[:, 1:]], axis=2)
+        found[1:-1] = np.any(both != both[:, :, :1], axis=(0, 2))
         return found
+
+    @functools.cached_property
+    def _at_bounds(self) -> np.ndarray:
+        """(entries, intervals, stages): of what has limits, at the points: 1 at the upper one, -1 at the lower one, 0 between them and where these are one."""
+        inside, found = replace(self.motion, times=self.motion.times[1:], values=self.motion.values[1:]), list[np.ndarray]()
+        for limits in self.transcribed.asked.path:
+            if limits.value.numel():
+                values = self._values(limits.value, inside)
+                near = _AT_BOUND * limits.sizes(values)[:, None]
+                over, under = values > limits.upper[:, None] - near, values < limits.lower[:, None] + near
+                found.append(over.astype(int) - under.astype(int))
+        return np.vstack([np.zeros((0, inside.times.size), dtype=int), *found]).reshape(
+            -1, self.mesh.intervals, self.mesh.tableau.stages
+        )
+
+    @property
+    def flat(self) -> bool:
+        """Whether inputs that act in proportion alone are between their bounds for a good part of the time, along a singular arc: there the cost hardly tells them apart."""
+        asked = self.transcribed.asked
+        if not asked.proportional:
+            return False
+        bounded = np.sum(self._at_bounds != 0, axis=0)
+        return bool(np.mean(np.all(bounded < asked.stage.sizes[3], axis=1)) > _GOOD_PART)
 
     @property
     def cost_error(self) -> float:

@@ -212,7 +212,7 @@ class OptimalControl:
         """The best motion near the guess, or near the best of several.
 
         `intervals`: of the first mesh; intervals whose replay is off by more than `tolerance`, relative to what each state varies by, are divided up to
-        `refinements` times, and not where that would cost much more than ten seconds for each of them. `order`: odd, of Radau collocation. `controls`: "free" (a polynomial in each interval) or "constant" in each. `options`: of
+        `refinements` times, and not where that would cost much more than ten seconds for each of them. `order`: odd, of Radau collocation. `controls`: "free" (a polynomial in each interval), "constant" in each, or "linear" in each and continuous. `options`: of
         CasADi's `ipopt`. `guesses`: so many other paths are tried at first, and the best is kept, where `guess` was not said, motions are not linear, and that is cheap.
         Raises `OptimalControlError` with the last iterate where none is found.
         """
@@ -223,7 +223,7 @@ class OptimalControl:
     def part(self, mesher: Mesher, begin: Mapping[Expression, Any] | None = None) -> Part:
         """As it is given to the solver. `begin`: start values near which the guess begins, where there are none of its own."""
         mesh = mesher.mesh([at for at, _ in self._here])
-        asked, stops, units = self._asked(mesher.controls == "constant", begin)
+        asked, stops, units = self._asked(mesher.controls, begin)
         bent = functools.partial(self._path, asked.stage, stops, mesh, units)
         first = self._told(asked.stage, mesh) or bent(0.0, None)
         measured = self._measured(asked, units, first)
@@ -274,7 +274,7 @@ class OptimalControl:
         return {"parameters": self._parameters, "t0": self._t0}
 
     def _asked(
-        self, held: bool, near_start: Mapping[Expression, Any] | None
+        self, controls: str, near_start: Mapping[Expression, Any] | None
     ) -> tuple[Asked, list[tuple[float, np.ndarray]], np.ndarray]:
         """The problem in unknowns of a stage; stops of a path as a guess; what is much for each unknown."""
         f, model = self._functions, self.model
@@ -297,7 +297,7 @@ class OptimalControl:
         totals = [(_total(stage, total, "bound"), low, high, name) for total, low, high, name in self._totals]
         asked = Asked(
             stage, path, here, None if self._start is None or following else begin.x, self._more_at_the_end(),
-            _total(stage, self._cost, "minimise"), totals, held, np.array([self._time.lower, self._time.upper]),
+            _total(stage, self._cost, "minimise"), totals, controls, np.array([self._time.lower, self._time.upper]),
             np.array([[v.lower, v.upper] for v in self._geometry.values()]).reshape(-1, 2),
         )  # fmt: skip
         units = self._units(stage, begin)

@@ -22,6 +22,8 @@ _PRESSED = 1e-12
 """How far off its bound something is, times what it presses: each that presses leaves the cost off by so much."""
 _NEAR = 300
 """Iterations for what is near: who needs more was not."""
+_INSIDE = 1e-3
+"""How far inside its bounds what is near begins."""
 
 Outcome = tuple[np.ndarray, float, np.ndarray, np.ndarray, dict[str, Any]]
 """Of a search; see there."""
@@ -67,16 +69,17 @@ def ipopt_options(*, warm: bool, known: bool = False) -> dict[str, Any]:
         "ipopt.mumps_pivot_order": 0,  # minimum degree: bands as narrow as these need no graph to be cut
         "ipopt.mumps_permuting_scaling": 0,  # along singular arcs a matching of what is small puts pivots off until all is dense
     }  # fmt: skip
-    if warm:
-        options |= {
-            "ipopt.max_iter": _NEAR,
-            "ipopt.mu_init": 1e-4,
-            "ipopt.mu_strategy": "monotone",
-            "ipopt.warm_start_init_point": "yes",
-        }
     if known:
         pushes = ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac", "mult_bound_push")
-        options |= {"ipopt.mu_strategy": "adaptive", "ipopt.mu_oracle": "probing"}
+        options |= {
+            "ipopt.max_iter": _NEAR,
+            "ipopt.warm_start_init_point": "yes",
+            "ipopt.mu_init": 1e-4,
+            "ipopt.mu_oracle": "probing",
+        }
         options |= {f"ipopt.warm_start_{one}": 1e-7 for one in pushes}
         options |= {"ipopt.fast_step_computation": "yes", "ipopt.min_refinement_steps": 0}
+    elif warm:
+        options |= {"ipopt.max_iter": _NEAR, "ipopt.bound_mult_init_method": "mu-based", "ipopt.mu_init": 1e-4}
+        options |= {f"ipopt.{one}": _INSIDE for one in ("bound_push", "bound_frac", "slack_bound_push", "slack_bound_frac")}
     return options

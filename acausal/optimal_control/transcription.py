@@ -15,7 +15,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.numerics.folding import folded_function
-from acausal.optimal_control.asked import Asked, Total
+from acausal.optimal_control.asked import FREE, LINEAR, Asked, Total
 from acausal.optimal_control.conditions import conditions
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.layout import Layout, Rows, column_at
@@ -100,6 +100,8 @@ def transcribe(asked: Asked, mesh: Mesh, guess: Guess, units: np.ndarray) -> Tra
     sums = _sums(asked, layout, rows)
     if mesh.inside:
         _between(asked, layout, rows, bounds)
+    if asked.controls == LINEAR:
+        _lines(asked, layout, rows)
     path = _path(asked, layout, rows)
     terms: list[Term] = [_dynamics(asked, layout, rows, w, units, bounds, sums, path), *_beginnings(layout, path)]
     terms += conditions(asked, layout, rows, w, size)
@@ -151,6 +153,24 @@ def _bounds(asked: Asked, layout: Layout, w: np.ndarray) -> np.ndarray:
         fixed = np.flatnonzero(np.isfinite(asked.start))
         bounds[:, fixed] = asked.start[fixed]
     return bounds
+
+
+def _lines(asked: Asked, layout: Layout, rows: Rows) -> None:
+    """Inputs go straight from the end of each interval to the end of the next one; the first one's line begins where its first and last points lead, within bounds."""
+    stage, c = asked.stage, layout.mesh.tableau.c
+    lead = c[0] / (1 - c[0])
+    for k in range(stage.width - stage.sizes[3], stage.width):
+        own = layout.places[:, :, k]
+        begin = [(int(own[0, 0]), 1 + lead), (int(own[0, -1]), -lead)]
+        for limits, r in [(one, r) for entry, one, r in asked.entries if entry == k]:
+            row = rows.add(limits.lower[r], limits.upper[r], limits.name, 0.0)
+            rows.linear += [(row, place, weight) for place, weight in begin]
+        for i, points in enumerate(own):
+            for j in range(1 if i == 0 else 0, c.size - 1):
+                row = rows.add(0.0, 0.0, "straight lines of inputs", float(layout.mesh.points[i, j]))
+                rows.linear += [(row, int(points[j]), -1.0), (row, int(points[-1]), float(c[j]))]
+                rows.linear += [(row, place, float((1 - c[j]) * weight)) for place, weight in begin]
+            begin = [(int(points[-1]), 1.0)]
 
 
 def _sums(asked: Asked, layout: Layout, rows: Rows) -> list[tuple[Total, int]]:
@@ -307,7 +327,7 @@ def _between(asked: Asked, layout: Layout, rows: Rows, bounds: np.ndarray) -> No
     stage, mesh = asked.stage, layout.mesh
     nx, first, c = stage.sizes[0], stage.width - stage.sizes[3], mesh.tableau.c
     of_states, of_others = hull(np.append(0.0, c))[1:-1], hull(c)
-    said = {k: limits.entry(r) for k, limits, r in asked.entries if k >= 0 and not (layout.held and k >= first)}
+    said = {k: limits.entry(r) for k, limits, r in asked.entries if k >= 0 and not (asked.controls != FREE and k >= first)}
     for k, name in said.items():
         for i in range(mesh.intervals):
             lower, upper = bounds[:, layout.places[i, 0, k]]
