@@ -107,10 +107,12 @@ class Searches:
         """From the guesses of these parts, on their meshes, which were `refined` before; `briefly`: given up soon."""
         return self._made(parts, whole(parts, self._links), refined, _BRIEFLY if briefly else {}, warm=False)
 
-    def elsewhere(self, attempt: Attempt, guess: Guess) -> Attempt:
-        """The same problem of one part, from another guess; given up soon."""
-        begin = attempt.problem.parts[0].unknowns(guess)
-        parts = [replace(attempt.parts[0], guess=guess)]
+    def elsewhere(self, attempt: Attempt, guesses: Sequence[Guess]) -> Attempt:
+        """The same problem, from other guesses of its parts; given up soon."""
+        begin = attempt.problem.program.guess.copy()
+        for first, one, guess in zip(attempt.problem.begins, attempt.problem.parts, guesses, strict=True):
+            begin[first : first + one.program.size] = one.unknowns(guess)
+        parts = [replace(part, guess=guess) for part, guess in zip(attempt.parts, guesses, strict=True)]
         return self._made(parts, attempt.problem, attempt.refined, _BRIEFLY, warm=False, begin=begin)
 
     def timely(self, attempt: Attempt) -> Attempt:

@@ -34,7 +34,7 @@ def best_beginning(
     tolerance: float,
     refinements: int,
 ) -> Attempt:
-    """The best attempt of those from the guesses of the parts, and from `others` for the one part that there is then: from the first row of these, and from a next one
+    """The best attempt of those from the guesses of the parts, and from `others`: from the first row of these, and from a next one
     where nothing was found so far. Inputs that are to be held are free at first: a search for them alone creeps.
     """
     finer_by = min(refinements, _FINER)
@@ -62,9 +62,10 @@ def _begun(
     if not others and not first.feigned:
         return searches.anew(first)
     tried, work = [first], 0
-    while base.off > COARSE and base.refined < refinements:
-        mesh = base.parts[0].mesh
-        base = searches.on([replace(parts[0], mesh=mesh.refined(np.full(mesh.intervals, 2)))], base.refined + 1, briefly=True)
+    while others and others[0] and base.off > COARSE and base.refined < refinements:
+        meshes = [one.mesh.refined(np.full(one.mesh.intervals, 2)) for one in base.parts]
+        twice = [replace(part, mesh=mesh) for part, mesh in zip(parts, meshes, strict=True)]
+        base = searches.on(twice, base.refined + 1, briefly=True)
         tried.append(base)
     for number, row in enumerate(others):
         if number and any(one.success for one in tried):
@@ -72,7 +73,7 @@ def _begun(
         for guess in row:
             if work >= _CHEAP or _agree(tried):
                 break
-            tried.append(searches.elsewhere(base, guess(base.phases[0].motion)))
+            tried.append(searches.elsewhere(base, guess([one.motion for one in base.phases])))
             work += tried[-1].work
             if not tried[-1].success and _fell(tried[-1]):
                 return tried[-1]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from acausal.arguments import dictionary
+from acausal.arguments import dictionary, whole_number
 from acausal.errors import OptionError
 from acausal.language.expression import Expression
 from acausal.language.pieces import PiecewisePolynomial
@@ -21,6 +21,7 @@ from acausal.optimal_control.optimum import Optimum, left
 from acausal.optimal_control.problem import OptimalControl
 from acausal.optimal_control.solving import best_of
 from acausal.optimal_control.stage import Stage
+from acausal.optimal_control.swings import other_guesses
 from acausal.optimal_control.whole import Part
 from acausal.start.initial import near
 from acausal.start.states import start_values
@@ -91,6 +92,7 @@ class Phases:
         solver: str = "ipopt",
         tolerance: float = 1e-6,
         refinements: int = 4,
+        guesses: int = 4,
         options: Mapping[str, Any] | None = None,
     ) -> PhasesOptimum:
         """The best motion near the guess: arguments as of `OptimalControl.solve`; `intervals`: of each phase, or one number for each."""
@@ -105,7 +107,8 @@ class Phases:
             parts.append(problem.part(Mesher(count[k], order, controls, solver), begin))
         for (i, j), said in self._links.items():
             links.append(self._link(i, j, said, parts))
-        found = best_of(parts, links, solver, dict(options or {}), tolerance, refinements)
+        others = other_guesses(parts, whole_number(guesses, "solve: guesses", 0))
+        found = best_of(parts, links, solver, dict(options or {}), tolerance, refinements, others)
         return PhasesOptimum(found.phases, found.cost, found.iterations, found.seconds)
 
     def _check_parameters(self) -> None:

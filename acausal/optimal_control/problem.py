@@ -217,7 +217,7 @@ class OptimalControl:
         Raises `OptimalControlError` with the last iterate where none is found.
         """
         part = self.part(Mesher(intervals, order, controls, solver))
-        others = other_guesses(part, whole_number(guesses, "solve: guesses", 0))
+        others = other_guesses([part], whole_number(guesses, "solve: guesses", 0))
         return best_of([part], [], solver, dict(options or {}), tolerance, refinements, others).phases[0]
 
     def part(self, mesher: Mesher, begin: Mapping[Expression, Any] | None = None) -> Part:
@@ -238,11 +238,11 @@ class OptimalControl:
         intervals: int = 20,
         *,
         order: int = 5,
-        controls: str = "free",
+        controls: str = "constant",
         solver: str = "ipopt",
         options: Mapping[str, Any] | None = None,
     ) -> Controller:
-        """States x -> inputs u, from this problem from x on in each call, warm started; `rate` [s]: the time between two calls.
+        """States x -> inputs u, from this problem from x on in each call, warm started; `rate` [s]: the time between two calls, for which the inputs are to be held.
 
         `solver`: "ipopt" solves it each time; "piqp" (or another solver of quadratic programs in CasADi) makes one step from the plan before, in a fraction of that time, for a
         convex cost and a fixed duration, and falls back to ipopt where such a step fails.

@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 import itertools
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -37,11 +38,33 @@ _LONGER = (2.0, 0.5, 4.0)
 """How much more time another path takes where nothing was found."""
 
 
-Other = Callable[[Guess], Guess]
-"""Another guess, from what was found from the first one."""
+Own = Callable[[Guess], Guess]
+"""Another guess of a part, from what was found from the first one."""
+Other = Callable[[Sequence[Guess]], list[Guess]]
+"""The same of all parts."""
 
 
-def other_guesses(part: Part, count: int) -> list[list[Other]]:
+def other_guesses(parts: Sequence[Part], count: int) -> list[list[Other]]:
+    """Of each part its own: the first ones together, then the second ones; a part that has not so many begins as it did."""
+    rows = [_of_part(part, count) for part in parts]
+    found = list[list[Other]]()
+    for together in itertools.zip_longest(*rows, fillvalue=()):
+        ways = itertools.zip_longest(*together)
+        found.append(
+            [functools.partial(_each, [own or _as_before(part) for own, part in zip(way, parts, strict=True)]) for way in ways]
+        )
+    return found
+
+
+def _each(ways: Sequence[Own], found: Sequence[Guess]) -> list[Guess]:
+    return [way(one) for way, one in zip(ways, found, strict=True)]
+
+
+def _as_before(part: Part) -> Own:
+    return lambda _: part.guess
+
+
+def _of_part(part: Part, count: int) -> list[list[Own]]:
     """So many of each: those beside obstacles, and with swings of the scene's own; those with any, where these lead nowhere; then those in more time and less, where that is free. None where
     a motion was given; no swings where all is linear and the cost is bent upwards, or where nothing has a place.
     """
@@ -56,13 +79,15 @@ def other_guesses(part: Part, count: int) -> list[list[Other]]:
     if part.asked.linear:  # there are several best ones by what is minimised alone, one way and the other
         ways = [sign * one for one in _any(stage, first, part.units, _ANY) for sign in (1, -1)]
         return [[functools.partial(_mirrored, first), *(_made(bent, one, None) for one in ways)][:count], *others]
-    own = [*_beside(part.asked, first, part.units), *_natural(stage, first, part.units, part.mesh.intervals)][:count]
-    swings = own, _any(stage, first, part.units, min(count, _ANY))
-    natural, anyhow = ([_made(bent, one, None) for one in bends] for bends in swings)
-    return [[*_the_long_way(bent, stage, first), *natural][:count], anyhow, *others]
+    beside = [_made(bent, one, None) for one in _beside(part.asked, first, part.units)]
+    anyhow = [_made(bent, one, None) for one in _any(stage, first, part.units, min(count, _ANY))]
+    slowly = most if first.duration < most and not part.asked.cost.per_second else None
+    own = _natural(stage, first if slowly is None else replace(first, duration=slowly), part.units, part.mesh.intervals)
+    natural = [_made(bent, one, slowly) for one in ([0.0, *own] if slowly is not None else own)]
+    return [[*_the_long_way(bent, stage, first), *beside, *natural][:count], anyhow, *others]
 
 
-def _the_long_way(bent: Callable[..., Guess], stage: Stage, first: Guess) -> list[Other]:
+def _the_long_way(bent: Callable[..., Guess], stage: Stage, first: Guess) -> list[Own]:
     """Of each body by itself that turns far: what it has to turn is the same either way round, and what is best of it shows only then. The farthest first."""
     ways = [short_way(first.values[0, places], first.values[-1, places]) for places in stage.quaternions]
     far = sorted((k for k, angle in enumerate(ways) if angle > FAR), key=lambda k: -ways[k])
@@ -73,7 +98,7 @@ def _around(bent: Callable[..., Guess], quaternion: int, _: Guess) -> Guess:
     return bent(0.0, None, quaternion)
 
 
-def _made(bent: Callable[..., Guess], bend: np.ndarray | float, time: float | None) -> Other:
+def _made(bent: Callable[..., Guess], bend: np.ndarray | float, time: float | None) -> Own:
     """Whatever was found."""
     return lambda _: bent(bend, time)
 

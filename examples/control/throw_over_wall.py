@@ -48,7 +48,7 @@ def main(folder: str = "out") -> float:
     down.end({place[0]: AIM[0], place[2]: AIM[1]})
     throw = ac.phases(swing, up, down)
     throw.link(swing, up, {place: hand.position, air.ball.point.velocity: hand.velocity})
-    best = throw.solve([16, 3, 3])
+    best = throw.solve([16, 3, 3], tolerance=1e-8)
     print(best)
     run = best[0].run
     (x, _, z), (vx, _, vz) = run[hand.position][-1], run[hand.velocity][-1]
