@@ -1318,6 +1318,44 @@ def test_a_controller_holds_the_pole_up(solver: str) -> None:
         control([0.0, np.nan, 0.0, 0.0])
 
 
+def test_a_controller_brings_a_loop_to_its_place_and_holds_it_there_after_a_blow() -> None:
+    """A four-bar, by one step of quadratic programming for each call, whose torque is held; its place is near that of least cost, and a blow on the way changes nothing of that."""
+    scene = DrivenFourBar()
+    model = ac.build(scene)
+    ocp = ac.OptimalControl(model, 0.6)
+    ocp.start({scene.a.q: 0.3})
+    ocp.bound(scene.torque, -40, 40)
+    ocp.minimise(ac.integral(200 * (scene.a.q - 1.2) ** 2 + 5 * scene.a.v**2 + 1e-3 * scene.torque**2))
+    control, x, ends = ocp.controller(0.05, 12, solver="piqp"), model.initial_state({scene.a.q: 0.3}).x, list[float]()
+    for blow in (0.0, -2.0):
+        speed = x[list(model.state_names).index("a.v")] + blow
+        x = model.initial_state({scene.a.q: x[list(model.state_names).index("a.q")], scene.a.v: speed}).x
+        for _ in range(22):
+            run = model.simulate(
+                0.05, dict(zip(model.state_names, x, strict=True)), inputs={scene.torque: float(control(x)[0])}, samples=2
+            )
+            x = run.x[:, -1]
+        ends.append(float(run[scene.a.q][-1]))
+    assert ends == pytest.approx([1.2, 1.2], abs=5e-3)
+    assert model.functions.invariants is not None
+    assert np.max(np.abs(np.array(model.functions.invariants(0.0, x, [])))) < 1e-12
+
+
+def test_who_may_take_more_time_swings_up_at_no_more_effort() -> None:
+    """Standing costs nothing: the best time that is free is the longest, and costs no more than that one when it is given."""
+    scene = Pendulum()
+    model = ac.build(scene)
+    costs = list[float]()
+    for time in (ac.free(0.5, 5.0), 5.0):
+        ocp = ac.OptimalControl(model, time)
+        ocp.start({scene.hinge.q: 0.0})
+        ocp.end({scene.hinge.q: np.pi, scene.hinge.v: 0.0})
+        ocp.bound(scene.torque, -2, 2)
+        ocp.minimise(ac.integral(scene.torque**2))
+        costs.append(ocp.solve(30, tolerance=1e-5).cost)
+    assert costs[0] < costs[1] * (1 + 1e-4)
+
+
 @pytest.mark.parametrize(("mass", "length", "bound"), [(1.0, 0.6, 15.0), (1e-3, 0.01, 0.01), (100.0, 0.6, 2000.0)])
 def test_what_begins_where_it_is_to_stay_stays(mass: float, length: float, bound: float) -> None:
     """A pole that stands, but for what rounding makes of half a turn: that is not what costs are measured by."""

@@ -48,6 +48,12 @@ class Limits:
         """By how much values (entries, n) are outside, not negative."""
         return np.maximum(0.0, np.maximum(self.lower[:, None] - values, values - self.upper[:, None]))
 
+    def share(self, values: np.ndarray) -> np.ndarray:
+        """The same (entries, n), relative to what each entry is at most; infinite where a value is no number."""
+        known = np.isfinite(values)
+        told = np.where(known, values, 0.0)
+        return np.where(known, self.excess(told) / self.sizes(told)[:, None], np.inf)
+
     def sizes(self, values: np.ndarray) -> np.ndarray:
         """(entries,): what is much for each, by values (entries, n) and finite bounds that are not zero."""
         bounds = np.abs(np.vstack([self.lower, self.upper]))

@@ -318,8 +318,8 @@ class Optimum:
     def excesses(self) -> np.ndarray:
         """Of each interval (intervals,), by how much something leaves its bounds in it, relative to what it is at most."""
         found = np.zeros(self.mesh.intervals * self._places)
-        for limits, off in self._excesses:
-            found = np.maximum(found, np.max(off / limits.sizes(self._dense(limits.value))[:, None], axis=0, initial=0.0))
+        for limits, _ in self._excesses:
+            found = np.maximum(found, np.max(limits.share(self._dense(limits.value)), axis=0, initial=0.0))
         return np.max(found.reshape(self.mesh.intervals, -1), axis=1)
 
     @property
@@ -327,7 +327,7 @@ class Optimum:
         """What leaves its bounds most between points, relative to what it is at most: its name, and by how much in its own unit."""
         found = list[tuple[float, str, float]]()
         for limits, off in self._excesses:
-            relative = np.max(off / limits.sizes(self._dense(limits.value))[:, None], initial=0.0)
+            relative = np.max(limits.share(self._dense(limits.value)), initial=0.0)
             found.append((float(relative), limits.name, float(np.max(off, initial=0.0))))
         return max(found)[1:]
 
