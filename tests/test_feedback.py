@@ -20,6 +20,7 @@ def test_regulator_of_a_mass_is_that_of_textbooks() -> None:
     found = ac.lqr(ac.build(scene).linearize({scene.rail.q: 0.7}), [4.0, 3.0], 0.25)
     assert found.gain() == pytest.approx(np.array([[4.0, np.sqrt(12 + 2 * 4.0)]]), rel=1e-12)
     assert found([0.8, 0.1]) == pytest.approx([-(0.1 * 4 + 0.1 * np.sqrt(20))])
+    assert repr(found) == f"<Regulator: 1 input from 2 states, errors decay by {np.sqrt(5) - 1:.4g} / s at least>"
 
 
 @pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])
@@ -58,6 +59,7 @@ def test_filter_along_a_motion_becomes_steady() -> None:
     steady = ac.kalman(model.linearize(outputs=[scene.rail.q]), None, 3.0, 0.02)
     assert found.gain(6.0) == pytest.approx(steady.gain(), rel=1e-5)
     assert found.covariances[0] == pytest.approx(0.5 * np.eye(2))
+    assert repr(found) == "<Filter: 2 states from 1 measurement, from 0 to 6 s>"
 
 
 def closed_loop(

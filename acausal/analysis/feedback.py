@@ -19,6 +19,7 @@ from acausal.language.expression import Expression, Mode
 from acausal.numerics.thresholds import EDGE, ROUNDING
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
+from acausal.wording import counted
 
 if TYPE_CHECKING:
     from acausal.simulate.trajectory import Trajectory
@@ -32,7 +33,7 @@ _HIDDEN = 1e-9
 """Of the largest singular value: a mode that inputs do not move, or outputs do not see."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Regulator:
     """u = u0 - K (x - x0): inputs that keep a motion, or an equilibrium, at the least integral of y' Q y + du' R du for small deviations.
 
@@ -63,13 +64,16 @@ class Regulator:
     def _gains(self) -> Callable[[float], np.ndarray]:
         return _between(self.times, self.gains)
 
+    def __repr__(self) -> str:
+        return f"<Regulator: {counted(self.gains.shape[1], 'input')} from {counted(self.gains.shape[2], 'state')}, {_when(self.times, self.eigenvalues)}>"
+
     def cost(self, x: Any, k: int = 0) -> float:
         """What is left to pay from states x (nx,) on, at the sample k."""
         away = np.linalg.lstsq(self.expand[k], np.asarray(x, dtype=float) - self.states[k], rcond=None)[0]
         return float(away @ self.costs[k] @ away)
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Filter:
     """dx^ = f(x^, u) + L (y - y^): the states most likely by what has been measured, for small deviations from a motion or an equilibrium.
 
@@ -85,9 +89,19 @@ class Filter:
         """L (nx, ny) at a time [s]."""
         return self._gains(t)
 
+    def __repr__(self) -> str:
+        return f"<Filter: {counted(self.gains.shape[1], 'state')} from {counted(self.gains.shape[2], 'measurement')}, {_when(self.times, self.eigenvalues)}>"
+
     @functools.cached_property
     def _gains(self) -> Callable[[float], np.ndarray]:
         return _between(self.times, self.gains)
+
+
+def _when(times: np.ndarray, eigenvalues: np.ndarray | None) -> str:
+    """In words: how fast errors decay, or along what."""
+    if eigenvalues is None:
+        return f"from {times[0]:g} to {times[-1]:g} s"
+    return f"errors decay by {-np.max(np.real(eigenvalues), initial=-np.inf):.4g} / s at least"
 
 
 def _between(times: np.ndarray, values: np.ndarray) -> Callable[[float], np.ndarray]:
