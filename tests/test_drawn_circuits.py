@@ -237,3 +237,32 @@ def test_a_short_circuit_ends_in_words() -> None:
     scene.connect(scene.ground.pin, scene.valve.pin_b)
     with pytest.raises(ac.errors.AcausalError, match="valve"):
         ac.build(scene).simulate(3.0)
+
+
+@pytest.mark.parametrize("size", [1.0, 1e-6])
+@pytest.mark.parametrize(
+    ("stages", "rtol", "method"), [(3, 1e-10, "gauss"), (5, 1e-8, "gauss"), (8, 1e-8, "auto"), (8, 1e-12, "gauss")]
+)
+def test_cascades_multiply_a_voltage_as_accurately_inside_of_steps_as_at_their_ends(
+    stages: int, rtol: float, method: str, size: float
+) -> None:
+    """Greinacher's cascade, from empty stores that are charged within 1/1000 of a period, by diodes whose currents pass zero with them: what rounding makes of a voltage decays as quickly,
+    and forgives no more. No diode conducts backwards, energies balance, and the other method, of another order and with other steps, says the same.
+    """
+    scene: Any = ac.System()
+    scene.ground, scene.mains = Ground(), VoltageSource(10 * np.sin(314 * ac.time))
+    scene.wire, scene.load = Resistor(1.0 / size), Resistor(1e6 / size)
+    scene.stores, scene.diodes = [Capacitor(1e-5 * size) for _ in range(stages)], [IdealDiode() for _ in range(stages)]
+    nodes = [scene.ground.pin, *(store.pin_b for store in scene.stores)]
+    scene.connect(scene.mains.pin_b, scene.load.pin_b, scene.ground.pin)
+    scene.connect(scene.mains.pin_a, scene.wire.pin_a)
+    scene.connect(nodes[-1], scene.load.pin_a)
+    for k, (store, diode) in enumerate(zip(scene.stores, scene.diodes, strict=True)):
+        scene.connect(nodes[k - 1] if k else scene.wire.pin_b, store.pin_a)
+        scene.connect(nodes[k], diode.pin_a)
+        scene.connect(diode.pin_b, nodes[k + 1])
+    model, start = ac.build(scene), {store.v: 0.0 for store in scene.stores}
+    run, other = (model.simulate(0.1, start, rtol=r, method=m, samples=2001) for r, m in ((rtol, method), (1e-12, "radau")))
+    assert max(np.max(np.abs(run[store.v] - other[store.v])) for store in scene.stores) < 1e3 * rtol + 1e-8
+    assert min(np.min(run[diode.i]) for diode in scene.diodes) > -1e-9 * size
+    assert run.energy_error() < 100 * max(rtol, 1e-10)

@@ -526,9 +526,18 @@ static int spread_rounding(Integrator *I, double reach) {
     }
     if (!some) return 1;
     if (!rate_at(I, I->t, I->x, rate) || !rate_at(I, I->t, T->before, moved)) return 0;
-    double until = fmin(SOON * pace_of(I, rate, T->most), reach);
+    double until = fmin(SOON * pace_of(I, rate, T->most), reach), *size = T->forgotten;
+    struct Sparse *S = &T->sparse;
     for (long i = 0; i < I->nx; i++) {
-        double change = until * fabs(moved[i] - rate[i]);
+        moved[i] -= rate[i];
+        size[i] = fmax(fabs(I->x[i]), T->known[i]);
+    }
+    int forgets = is_dear(I) || !make_forgetting(I) ? 0 : factor_forgetting(I, I->t, I->x, until, size, size + I->nx);
+    if (forgets < 0) return 0;
+    for (long i = 0; i < I->nx && forgets; i++) S->re[i] = v_all(moved[i]), S->im[i] = v_all(0.0);
+    if (forgets) solve_sparse(I, &T->forgetting);
+    for (long i = 0; i < I->nx; i++) {
+        double change = until * fabs(forgets ? S->re[I->nx + i][0] : moved[i]);
         if (T->size[i] > 0 && change > SMALL * T->size[i] && change > T->known[i] && isfinite(change)) T->known[i] = change;
     }
     return 1;

@@ -145,12 +145,27 @@ static int slopes_of_rates(Integrator *I, double t, const double *x, const doubl
     return 1;
 }
 
-/* Adds to `sum` what disturbances `rates` (n), one state's after the other, come to: |(1 - h J)^-1 r| for each. Nothing where the matrix is singular. */
-static void add_remembered(Integrator *I, double h, const double *rates, double *sum) {
+/* Factors of 1 - h J at (t, x), into T->forgetting: what decays within h is forgotten by an implicit step. `size` (n): of states, 1 in the end where they have none; `row` (n): room.
+   0 where that is singular, -1 when the input function failed. */
+static int factor_forgetting(Integrator *I, double t, const double *x, double h, double *size, double *row) {
+    struct State *T = I->state;
+    double *own_J = T->J, *own_row = T->row;
+    T->J = T->slopes_of, T->row = row;
+    int found = slopes_of_rates(I, t, x, size, T->J) ? 1 : -1;
+    for (long i = 0; i < I->nx; i++) size[i] = size[i] > 0 ? size[i] : 1;
+    if (found > 0) {
+        measure_sparse_rows(I, h, 0, size);
+        found = factor_anew(I, &T->forgetting, v_all(h), v_all(0.0));
+    }
+    T->J = own_J, T->row = own_row;
+    return found;
+}
+
+/* Adds to `sum` what disturbances `rates` (n), one state's after the other, come to: |(1 - h J)^-1 r| for each. */
+static void add_remembered(Integrator *I, const double *rates, double *sum) {
     struct Sparse *S = &I->state->sparse;
     struct Factors *F = &I->state->forgetting;
     long n = I->nx;
-    if (!factor_anew(I, F, v_all(h), v_all(0.0))) return;
     for (long j = 0; j < n;) {
         memset(S->re, 0, sizeof(V) * (size_t)n);
         memset(S->im, 0, sizeof(V) * (size_t)n);
@@ -196,7 +211,7 @@ static int is_dear(const Integrator *I) { return !I->state->newton_now && I->pat
 static int rounding_of_rates(Integrator *I, const Kernel *k, double t, const double *x, double h, double *rates) {
     struct State *T = I->state;
     long n = I->nx;
-    double *size = T->forgotten, *row = size + n, *sum = row + n, *own_J = T->J, *own_row = T->row;
+    double *size = T->forgotten, *row = size + n, *sum = row + n;
     for (long i = 0; i < n; i++) size[i] = fabs(x[i]);
     if (!rounding_of(I, k, t, x, size, rates)) return 0;
     for (long i = 0; i < n; i++) {
@@ -210,16 +225,9 @@ static int rounding_of_rates(Integrator *I, const Kernel *k, double t, const dou
         return carried;
     }
     if (!make_forgetting(I)) return 1;
-    T->J = T->slopes_of;
-    T->row = row;
-    int given = slopes_of_rates(I, t, x, size, T->J);
-    for (long i = 0; i < n; i++) size[i] = size[i] > 0 ? size[i] : 1;
-    if (given) {
-        measure_sparse_rows(I, h, 0, size);
-        add_remembered(I, h, rates, sum);
-    }
-    T->J = own_J;
-    T->row = own_row;
-    for (long i = 0; i < n && given; i++) rates[i] = fmax(rates[i], sum[i]);
-    return given;
+    int forgets = factor_forgetting(I, t, x, h, size, row);
+    if (forgets < 0) return 0;
+    if (forgets) add_remembered(I, rates, sum);
+    for (long i = 0; i < n; i++) rates[i] = fmax(rates[i], sum[i]);
+    return 1;
 }

@@ -61,17 +61,10 @@ static int find_drift(Integrator *I, double t, const double *x) {
         rounds[i] = isfinite(rounds[i]) ? elapsed * rounds[i] : 0;
         size[i] = fmax(size[i], rounds[i]) > 0 ? fmax(size[i], rounds[i]) : 1;
     }
-    double *own_J = T->J, *own_row = T->row;
-    int given = 1, forgets = !is_dear(I);
     memcpy(kept, T->rate, sizeof(double) * (size_t)n);
-    if (forgets) {
-        T->J = T->slopes_of, T->row = row;
-        given = slopes_of_rates(I, t, x, size, T->J);
-        measure_sparse_rows(I, elapsed, 0, size);
-        forgets = factor_anew(I, &T->forgetting, v_all(elapsed), v_all(0.0));
-        T->J = own_J, T->row = own_row;
-    }
+    int forgets = is_dear(I) ? 0 : factor_forgetting(I, t, x, elapsed, size, row);
     memcpy(T->rate, kept, sizeof(double) * (size_t)n);
+    if (forgets < 0) return 0;
     for (long first = 0; first < COUNTED; first += LANES) {
         V *out = forgets ? S->re + n : S->re;
         memset(S->im, 0, sizeof(V) * (size_t)n);
@@ -81,7 +74,7 @@ static int find_drift(Integrator *I, double t, const double *x) {
         for (long i = 0; i < n; i++)
             for (long l = 0; l < LANES; l++) T->drift[(first + l) * n + i] = isfinite(out[i][l]) ? out[i][l] : 0;
     }
-    return given;
+    return 1;
 }
 
 /* A state, or at -1 the time, as a sample of what rounding may have made of it. */
