@@ -7,6 +7,7 @@ import re
 from collections import Counter
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 
@@ -261,8 +262,29 @@ def test_cascades_multiply_a_voltage_as_accurately_inside_of_steps_as_at_their_e
         scene.connect(nodes[k - 1] if k else scene.wire.pin_b, store.pin_a)
         scene.connect(nodes[k], diode.pin_a)
         scene.connect(diode.pin_b, nodes[k + 1])
-    model, start = ac.build(scene), {store.v: 0.0 for store in scene.stores}
+    model = ac.build(scene)
+    start: dict[ac.Expression, float] = {store.v: 0.0 for store in scene.stores}
     run, other = (model.simulate(0.1, start, rtol=r, method=m, samples=2001) for r, m in ((rtol, method), (1e-12, "radau")))
     assert max(np.max(np.abs(run[store.v] - other[store.v])) for store in scene.stores) < 1e3 * rtol + 1e-8
     assert min(np.min(run[diode.i]) for diode in scene.diodes) > -1e-9 * size
     assert run.energy_error() < 100 * max(rtol, 1e-10)
+
+
+@pytest.mark.parametrize("inverts", [False, True])
+@pytest.mark.parametrize("size", [1.0, 1e-6])
+def test_choppers_are_read_in_the_instants_of_their_switches_as_they_are_right_after(inverts: bool, size: float) -> None:
+    """Samples fall on instants in which a switch, by its condition, and the valve that takes over go over within rounding of one another: what is read is of one side of both."""
+    scene: Any = ac.System()
+    scene.ground, scene.source, scene.coil = Ground(), VoltageSource(12.0), Inductor(1e-3 / size)
+    scene.switch = Resistor(ca.if_else(ca.sin(2 * np.pi * 5000 * ac.time) > 0.0, 1e-2, 1e6) / size)
+    scene.valve, scene.store, scene.load = IdealDiode(), Capacitor(1e-4 * size), Resistor(50.0 / size)
+    first, second = (scene.switch, scene.coil) if inverts else (scene.coil, scene.switch)
+    valve = (scene.valve.pin_b, scene.valve.pin_a) if inverts else (scene.valve.pin_a, scene.valve.pin_b)
+    scene.connect(scene.source.pin_a, first.pin_a)
+    scene.connect(first.pin_b, second.pin_a, valve[0])
+    scene.connect(valve[1], scene.store.pin_a, scene.load.pin_a)
+    scene.connect(scene.source.pin_b, second.pin_b, scene.store.pin_b, scene.load.pin_b, scene.ground.pin)
+    run = ac.build(scene).simulate(0.00995, {scene.coil.i: 0.0, scene.store.v: 0.0}, rtol=1e-9, samples=200)
+    assert np.isin(np.round(run.transitions.times / 5e-5), np.round(run.t / 5e-5)).mean() > 0.9
+    assert np.min(run[scene.valve.i]) > -1e-9 * size and np.max(run[scene.valve.v]) < 1e-6
+    assert run.energy_error() < 1e-9

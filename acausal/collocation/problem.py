@@ -247,7 +247,7 @@ class Solution:
     """`dense` for a first look, where that is cheaper."""
 
     def beside(self, times: np.ndarray, side: int) -> np.ndarray:
-        """Just before (-1) or after (1) these times, but not outside: inputs and switches of time may jump there."""
+        """Just before (-1) or after (1) these times, or so many times as far, but not outside: inputs and switches of time may jump there."""
         ends = self.t[[0, -1]]
         return np.clip(times + side * _ASIDE * np.max(np.abs(ends)), *ends)
 

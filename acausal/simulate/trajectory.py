@@ -81,7 +81,15 @@ class Trajectory:
             return replace(problem, inputs=inputs.copied(through)) if isinstance(inputs, Inputs | WithModes) else problem
 
         pieces = tuple(replace(piece, problem=copied(piece.problem)) for piece in self.pieces)
-        return _read, (self.functions, copied(self.problem), pieces, self.initial, self.t, self.watched, self.x, self.u)
+        return _read, (
+            self.functions,
+            copied(self.problem),
+            pieces,
+            self.initial,
+            self.t,
+            self.watched,
+            (self.x, self.u, self._clock),
+        )
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Trajectory:
         """Itself, since it never changes; that of the copied scene where the scene is copied along with it, and before it."""
@@ -142,7 +150,7 @@ class Trajectory:
 
     def given(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Trajectory:
         """Read at times (n,) in states (nx, n) and with inputs (nu, n) that are known."""
-        return _read(self.functions, self.problem, self.pieces, self.initial, t, self.watched, x, u)
+        return _read(self.functions, self.problem, self.pieces, self.initial, t, self.watched, (x, u, t))
 
     @functools.cached_property
     def x(self) -> np.ndarray:
@@ -155,6 +163,17 @@ class Trajectory:
         for k in np.unique(owner):
             x[:, owner == k] = self.pieces[k].states(self.t[owner == k], self.functions)
         return x
+
+    @functools.cached_property
+    def _clock(self) -> np.ndarray:
+        """`t`, but within rounding of a change of mode a little before or after it, as modes are there: conditions, which go over there too, are seen alike. The same where there are none."""
+        met, t = self.solution.modes, self.t
+        changes = np.zeros(0) if met is None or self.functions.integrand.switching is None else met.begins[1:]
+        for k in (0, -1) if changes.size else ():
+            there = changes[np.clip(np.searchsorted(changes, self.t, side="right") + k, 0, changes.size - 1)]
+            before, after = (self.solution.beside(there, side * _LOCATED) for side in (-1, 1))
+            t = np.where((self.t >= before) & (self.t < after), np.where(self.t < there, before, after), t)
+        return t
 
     @functools.cached_property
     def u(self) -> np.ndarray:
@@ -226,7 +245,7 @@ class Trajectory:
         u = self.u if given is None else np.concatenate((self.u, given))
         native = self.problem.native
         evaluate = series.by_casadi if native is not None and native.how is How.CASADI else series
-        return evaluate(self.t, self.x, u, self.problem.parameters)
+        return evaluate(self._clock, self.x, u, self.problem.parameters)
 
     @functools.cached_property
     def _given_by_dynamics(self) -> np.ndarray:
@@ -391,6 +410,10 @@ class Trajectory:
         )
 
 
+_LOCATED = 8
+"""Times as much as is the same instant: how well it is known when a condition goes over."""
+
+
 def _step_ends(solution: Solution) -> np.ndarray:
     """Times of a solution's steps; equally far apart where they are not kept."""
     if solution.kept is None:
@@ -408,9 +431,9 @@ def _read(
     initial: InitialState,
     t: np.ndarray,
     watched: tuple[when, ...],
-    x: np.ndarray,
-    u: np.ndarray,
+    known: tuple[np.ndarray, np.ndarray, np.ndarray],
 ) -> Trajectory:
+    """With states, inputs and the clock as they are."""
     run = Trajectory(functions, problem, pieces, initial, t, watched)
-    run.__dict__.update(x=x, u=u)
+    run.__dict__.update(zip(("x", "u", "_clock"), known, strict=True))
     return run
