@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from typing import Any
 
 import numpy as np
@@ -272,6 +273,60 @@ def test_a_box_that_is_pushed_ever_harder_off_its_centre_slides_and_leaves_its_f
         gained = 0.5 * (last - first) * np.array([weights @ push, weights @ torque / size])
         found = np.array([2.0 * (sides[frame.velocity][1] - sides[frame.velocity][0]), (turned[1] - turned[0]) / size])
         assert found == pytest.approx(gained, abs=1e-9 * weight * T)
+
+
+@functools.cache
+def turned_by_a_push(draw: int) -> tuple[np.ndarray, np.ndarray, float, np.ndarray, np.ndarray]:
+    """A plate of 2 kg on three feet: places of these and of a push, which grows with time, coefficient of friction, push, and where it is at time 0.9. In units in which its length is
+    0.6 and gravity one; by equations in the plane with friction that creeps by 1e-11."""
+    random, m, h = np.random.default_rng(draw), 2.0, 0.1
+    angles = 2 * np.pi * (np.arange(3) + random.uniform(-0.1, 0.1, 3)) / 3
+    feet, at, mu = (
+        np.stack([0.3 * np.cos(angles), 0.2 * np.sin(angles)], 1),
+        random.uniform((-0.2, -0.15, -0.08), (0.2, 0.15, 0.05)),
+        random.uniform(0.2, 0.5),
+    )
+    angle = random.uniform(0, 2 * np.pi)
+    push = random.uniform(1, 2) * m * np.array([np.cos(angle), np.sin(angle)])
+
+    def rates(t: float, y: np.ndarray) -> np.ndarray:
+        turn = np.array([[np.cos(y[2]), -np.sin(y[2])], [np.sin(y[2]), np.cos(y[2])]])
+        arms, F = feet @ turn.T, push * t
+        slip = y[3:5] + y[5] * np.stack([-arms[:, 1], arms[:, 0]], 1)
+        drag = -mu * slip / np.sqrt(np.sum(slip**2, 1) + 1e-22)[:, None]
+        bears = np.linalg.solve(
+            [np.ones(3), arms[:, 1] + h * drag[:, 1], -arms[:, 0] - h * drag[:, 0]], [m, at[2] * F[1], -at[2] * F[0]]
+        )
+        forces = np.vstack([drag * bears[:, None], F])
+        spun = np.sum(np.vstack([arms, turn @ at[:2]]) @ [[0, 1], [-1, 0]] * forces) / (m / 12 * (0.6**2 + 0.4**2))
+        return np.array([*y[3:], *np.sum(forces, 0) / m, spun])
+
+    with np.errstate(over="ignore"):  # of its differences, where nothing moves yet
+        other = solve_ivp(rates, (0, 0.9), np.zeros(6), "Radau", rtol=1e-10, atol=1e-14)
+    return feet, at, mu, push, other.y[:3, -1]
+
+
+@pytest.mark.parametrize(
+    ("draw", "order", "size"), [(1, (0, 1, 2), 1e-3), (1, (2, 1, 0), 1.0), (5, (1, 0, 2), 1.0), (5, (2, 0, 1), 1e3)]
+)
+def test_a_plate_on_three_feet_that_is_pushed_off_its_centre_turns_about_the_point_that_all_of_them_agree_on(
+    draw: int, order: tuple[int, ...], size: float
+) -> None:
+    """Nothing jumps as they begin to slide, all at once, and what acts on them just then would take them elsewhere."""
+    feet, at, mu, push, expected = turned_by_a_push(draw)
+    scene, T, height = ac.System(), np.sqrt(size / G), 0.1 * size
+    scene.world, scene.box = World((0, 0, -G)), RigidBody.box(2.0, (0.6 * size, 0.4 * size, 2 * height))
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(mu)) for _ in order]
+    for foot, k in zip(scene.feet, order, strict=True):
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((*(feet[k] * size), -height)))
+    scene.push = Force((*(G * push / T * ac.time), 0))
+    scene.connect(scene.push.point, scene.box.at(tuple(at * size)))
+    frame = scene.box.frame
+    run = ac.build(scene).simulate(0.9 * T, {frame.position: (0, 0, height)}, rtol=1e-10, samples=2)
+    place, R = run[frame.position][-1] / size, run[frame.rotation][-1]
+    assert [*place[:2], np.arctan2(R[1, 0], R[0, 0])] == pytest.approx(expected, abs=1e-8)
+    assert len(run.transitions) == 1 and run.steps.t.size < 300
 
 
 def test_derivatives_say_where_a_foot_that_bears_nothing_hides_the_instant_at_which_all_give_way() -> None:

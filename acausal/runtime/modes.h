@@ -34,6 +34,10 @@
 #define UNSETTLED 20   /* changes of mode in one instant, from which on they do */
 #define ATTRACTS 1e-3   /* of the largest reaction: what cannot be that of a contact that presses */
 #define ALIKE 1e-3     /* of the slip: where a patch slides as fast as its edge turns; forces bend there, and a step ends */
+#define SUDDEN 0.1      /* of the slips met: what accelerations that jump make of them in a step, at least */
+#define SHORTLY 1e-3    /* of a step: where slips are looked at that have begun */
+#define OFF_COURSE 1e-3 /* of a slip, across its direction: it does not go that way */
+#define BEGUN 1e-11     /* of what slips become until their rates are as fast as what friction holds: with which they begin where their directions are not held */
 #define HARDLY 1e-4    /* radians by which a direction has turned that is nearly the same */
 #define NEARER 1e-2    /* of that, for patches: what they act against turns until the end */
 
@@ -1147,6 +1151,54 @@ static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double pla
     return decide_accelerations(I, R, planned);
 }
 
+/* Slips in planes that begin together, without a jump of their accelerations: which ways they go is told by all of them at once, as those of feet by the point that a body turns about. What acts
+   against directions that are held would not keep them there. So they begin with speeds, nothing beside those met, at which directions need not be held. Whether there are such; -1 when the input
+   function failed. */
+static int start_together(Integrator *I, Room R, double planned) {
+    struct State *T = I->state;
+    Decision D, nothing = decision_of(I, T->no_change, 0);
+    long n = reactions_of(I), astray = 0, *law = R.asked;
+    double *missing = R.centre, *change = T->blow, time = 0, fast = 0, most = 0;
+    if (!I->redundant) return 0;
+    if (!decision_at(I, I->t, I->x, &D)) return -1;
+    memcpy(law, R.law, sizeof(long) * (size_t)(D.gaps + D.frictions));
+    for (long f = 0; f < D.frictions; f++) {
+        double speed = size_of(&D, f, R.rate), held = size_of(&D, f, R.push) * D.W[row_of(&D, f) * (n + 1)];
+        long *own = law + D.gaps + f;
+        if (f < D.lines ? *own == STARTS : *own == AGAINST) *own = OFF;
+        if (*own != STARTS) continue;
+        if (f >= D.lines + D.planes || !(speed > 0) || speed * planned > SUDDEN * R.met[f]) return 0;
+        time = fmax(time, 2 * T->side[mask_of(I, f) + 3] / speed);
+        fast = fmax(fast, speed);
+        most = fmax(most, held * held * planned * planned / R.met[f]);
+    }
+    if (!decision_later(I, SHORTLY * planned, &D)) return -1;
+    for (long f = D.lines; f < D.lines + D.planes; f++) {
+        const double *slip = D.rate + row_of(&D, f), *e = R.along + 3 * f;
+        astray |= law[D.gaps + f] == STARTS && fabs(slip[0] * e[1] - slip[1] * e[0]) > OFF_COURSE * hypot(slip[0], slip[1]);
+    }
+    if (!astray) return 0;
+    time = fmax(time, BEGUN * most / fast);
+    if (!decision_at(I, I->t, I->x, &D)) return -1;
+    for (long i = 0; i < n; i++) missing[i] = R.push[i] = 0;
+    for (long f = D.lines; f < D.lines + D.planes; f++) {
+        double *mask = T->side + mask_of(I, f);
+        if (law[D.gaps + f] != STARTS) continue;
+        law[D.gaps + f] = HOLDS;
+        for (long k = row_of(&D, f); k < row_of(&D, f) + 2; k++) missing[k] = -time * R.rate[k];
+        mask[1] = 1, mask[2] = mask[4] = mask[5] = 0;
+    }
+    Problem p = problem_of(I, &D, R, missing);
+    p.law = law;
+    p.kinetic = 1;
+    p.damping = DEPENDENT;
+    memset(T->no_change, 0, sizeof(double) * (size_t)I->decision.outputs);
+    change_choice(&p, &nothing, missing, 0, T->choice_change, change);
+    for (long i = 0; i < I->nx; i++)
+        for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * change[j];
+    return 1;
+}
+
 /* What touches after an impact with no speed but rounding of all that has struck stays beside one another: that speed, and the gap, are put to zero, since they would part it in flight,
    so that it strikes in pieces later. So are others to what restitution makes of them, where rounding is all that is missing. 0 when the input function failed. */
 static int stay_beside(Integrator *I, Decision *D, Room R) {
@@ -1288,6 +1340,9 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     }
     if (code == REACHED_END) code = has_one_answer(I, &D, R);
     if (code != REACHED_END) return code;
+    int begins = start_together(I, R, planned);
+    if (begins < 0) return INPUT_FAILED;
+    lifted |= begins;
     for (int more = 1; more;) {
         memcpy(T->later_x, I->x, sizeof(double) * (size_t)I->nx);
         project(I, I->t, I->x);
