@@ -329,6 +329,58 @@ def test_a_plate_on_three_feet_that_is_pushed_off_its_centre_turns_about_the_poi
     assert len(run.transitions) == 1 and run.steps.t.size < 300
 
 
+@pytest.mark.parametrize(
+    ("draw", "size", "turned"), [(1, 1e-3, False), (1, 1.0, True), (4, 1e3, True)], ids=["pivot", "turned", "many"]
+)
+def test_feet_slide_from_the_instant_at_which_no_forces_hold_them_any_longer(draw: int, size: float, turned: bool) -> None:
+    """As a linear program finds it, whose directions of friction close in on those that are found; from then on forces obey their laws, also where a foot is what the others turn about."""
+    random, arm = np.random.default_rng(draw), -0.1
+    count, _, mu, pattern = int(random.integers(3, 9)), random.choice(3), random.uniform(0.1, 0.8), int(random.integers(3))
+    around = 2 * np.pi * np.arange(count) / count
+    feet = (
+        np.stack([0.3 * np.cos(around), 0.2 * np.sin(around)], 1)
+        if pattern == 0
+        else random.uniform(-1, 1, (count, 2)) * (0.3, 0.2)
+    )
+    feet = feet - np.mean(feet, 0)
+    at, angle = random.uniform((-0.3, -0.2, -0.08), (0.3, 0.2, 0.1)), random.uniform(0, 6.28)
+    way = np.array([np.cos(angle), np.sin(angle), 0])
+    exact = {"primal_feasibility_tolerance": 1e-10, "dual_feasibility_tolerance": 1e-10}
+    fans, width = np.tile(np.linspace(0, 2 * np.pi, 64, endpoint=False), (count, 1)), 0.1
+    for _ in range(7):
+        forces = np.stack([mu * np.cos(fans), mu * np.sin(fans), np.ones(fans.shape)], -1)
+        places = np.broadcast_to(np.c_[feet, np.full(count, arm)][:, None], forces.shape)
+        columns = np.concatenate([forces, np.cross(places, forces)], -1).reshape(-1, 6)
+        load = np.array([*way, *np.cross(at, way)])
+        found = linprog([*np.zeros(len(columns)), -1], A_eq=np.vstack([columns, load]).T, b_eq=[0, 0, 1, 0, 0, 0], options=exact)
+        twist, held = found.eqlin.marginals, found.x[:-1].reshape(fans.shape)
+        slips = np.stack(
+            [twist[0] + twist[4] * arm - twist[5] * feet[:, 1], twist[1] + twist[5] * feet[:, 0] - twist[3] * arm], 1
+        )
+        middle = np.angle(np.where(held.sum(1) > 1e-9, (held * np.exp(1j * fans)).sum(1), -slips[:, 0] - 1j * slips[:, 1]))
+        fans, width = (
+            np.hstack([middle[:, None] + width * np.linspace(-1.5, 1.5, 31), np.tile(np.arange(0, 6.28, 0.4), (count, 1))]),
+            width / 6,
+        )
+    scene, T = ac.System(), np.sqrt(size / G)
+    scene.world, scene.box = World((0, 0, -G)), RigidBody.box(2.0, (0.6 * size, 0.4 * size, 0.2 * size))
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(mu)) for _ in feet]
+    for foot, place in zip(scene.feet, feet[::-1] if turned else feet, strict=True):
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((*(place * size), arm * size)))
+    scene.push = Force((2 * G / T * way[0] * ac.time, 2 * G / T * way[1] * ac.time, 0))
+    scene.connect(scene.push.point, scene.box.at(tuple(at * size)))
+    slides, frame = found.x[-1] * T, scene.box.frame
+    run = ac.build(scene).simulate(1.3 * slides, {frame.position: (0, 0, -arm * size)}, rtol=1e-9, samples=31)
+    instants = [t.time for t in run.transitions if t.time > 0]
+    assert instants[0] == pytest.approx(slides, rel=1e-8) and len(instants) < 4
+    assert run.energy_error() < 1e-9
+    pushes = np.array([np.ravel(run[foot.normal_force]) for foot in scene.feet])
+    drags = np.array([np.linalg.norm(run[foot.friction_force], axis=1) for foot in scene.feet])
+    assert pushes.min() > -1e-12 * 2 * G and (drags - mu * pushes).max() < 1e-9 * 2 * G
+    assert np.linalg.norm(run[frame.position][-1][:2]) > 1e-5 * size
+
+
 def test_derivatives_say_where_a_foot_that_bears_nothing_hides_the_instant_at_which_all_give_way() -> None:
     """What the others then bear jumps as they begin to slide, and a force that vanishes has no direction by which to tell when."""
     scene, mu = ac.System(), ac.Parameter(0.3)

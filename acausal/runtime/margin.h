@@ -8,6 +8,7 @@
    functions (Nesterov and Nemirovskii, Interior-Point Polynomial Algorithms, 1994). Whether there is any: all limits are moved outwards by s, the least s is looked for. */
 
 #define NO_MARGIN 1e-12 /* of the largest reaction: limits that leave no more than this leave nothing */
+#define BRIEFLY 1e-11   /* the same, where nothing fits a little later: limits that are met within rounding of the time */
 #define FROM_LATER 1e-8 /* of the largest: rounding, beside what has grown so much later */
 #define AT_REST 1e-7    /* of the largest: accelerations of rows that do not move, before it is known that they do not */
 #define HARDEST 1e14    /* weight of s */
@@ -372,22 +373,29 @@ static int decision_later(Integrator *I, double later, Decision *D) {
 /* Where the masks begin that say what is carried on: since when, reactions (n) at that time, their rates (n). */
 static long carried_of(const Integrator *I) { return first_discrete(I) - 1 - 2 * reactions_of(I); }
 
-/* Whether all rows move the same whichever of these reactions there are. */
-static int moves_nothing(const Held *S, const Decision *D, const long *law, const double *along) {
+/* Whether all rows move the same with these changes of the reactions, `change` (rows, every `apart`), in their units. */
+static int moves_nothing(const Held *S, const Decision *D, const long *law, const double *along, const double *change, long apart) {
     long n = D->n;
     for (long i = 0; i < n; i++) {
         const double *W = D->W + i * n;
         double sum = 0;
         for (long a = 0; a < S->rows; a++) {
             long j = S->row[a];
-            double by = W[j], change = (S->found[a] - S->least[a]) / unit_of(D->W[j * n + j]);
+            double by = W[j];
             for (long f = 0; f < D->frictions && j < D->gaps; f++)
-                for (long k = 0; k < rows_of(D, f) && law[D->gaps + f] == AGAINST; k++) by -= D->slide_by[f * n + j] * along[3 * f + k] * W[row_of(D, f) + k];
-            sum += by * change;
+                for (long k = 0; k < rows_of(D, f) && law[D->gaps + f] == AGAINST; k++) by -= D->slide_by[f * D->n + j] * along[3 * f + k] * W[row_of(D, f) + k];
+            sum += by * change[a * apart] / unit_of(D->W[j * n + j]);
         }
         if (!(fabs(sum) <= DEPENDENT * unit_of(W[i]))) return 0;
     }
     return 1;
+}
+
+/* The same whichever reactions hold them, of all that would. */
+static int move_alike(const Held *S, const Decision *D, const long *law, const double *along) {
+    int alike = 1;
+    for (long z = 0; z < S->free && alike; z++) alike = moves_nothing(S, D, law, along, S->N + z, S->free);
+    return alike;
 }
 
 /* The middle of what holds these rows at a time that is so much later, into `found`; 0 where there is none, or it is of least norm, -1 when the input function failed. */
@@ -411,7 +419,7 @@ static int moves_with(const Decision *D, const Held *S, long f) {
 /* Whether rows of these laws that hang together with the first one may all hold, by what is known of them `later`, where that takes more than `least`: then they do, carry the
    middle on, and `push` is that.
    -1 when the input function failed. */
-static int hold_together(Integrator *I, const long *law, long first, const double *along, double later, double little, double least, long *seen, double *push) {
+static int hold_together(Integrator *I, const long *law, long first, const double *along, double later, double little, double least, int decided, long *seen, double *push) {
     struct State *T = I->state;
     long n = reactions_of(I), at = carried_of(I);
     double *carried = T->side + at + 1, *drift = carried + n;
@@ -430,7 +438,8 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
         for (long a = 0; a < S.rows; a++) S.drawn[S.row[a]] = S.found[a] * S.size / unit_of(D.W[S.row[a] * (n + 1)]);
         turned = !found && S.size > 0 && turn_forces(&D, &S, S.drawn);
     }
-    if (!found || !(S.size > least) || (found == 1 && !moves_nothing(&S, &D, law, along))) return 0;
+    if (!found || !(S.size > least) || ((found == 1 || decided) && !move_alike(&S, &D, law, along))) return 0;
+    if (found == 1 && later == 0 && !(margin_of(&S, &D, S.found) > BRIEFLY)) return 0;
     for (long a = 0; a < S.rows; a++) {
         long i = S.row[a];
         push[i] = S.found[a] * S.size / unit_of(D.W[i * n + i]);
@@ -496,7 +505,7 @@ static int hold_more(Integrator *I, const Decision *D, const long *asked, long *
         }
         for (long k = 0; k < laws; k++) {
             if (seen[k] || done[k] || given[k] != HOLDS || (pass == 2 && (law[k] == HOLDS || !(moves[k] || stays[k] || law[k] == STARTS)))) continue;
-            int held = hold_together(I, given, k, along, pass == 2 ? 0 : later, later, pass == 2 ? FROM_LATER * largest : 0, seen, push);
+            int held = hold_together(I, given, k, along, pass == 2 ? 0 : later, later, pass == 2 ? FROM_LATER * largest : 0, rate != 0, seen, push);
             if (held < 0) return -1;
             for (long c = 0; c < laws && held; c++)
                 if (seen[c] == k + 1) law[c] = HOLDS, done[c] = 1;
