@@ -4,7 +4,7 @@
    N y' = 0 with N M = 0. Both together are P y + Q y' = 0, with P and Q so that what stands before r is the unit matrix. P and Q are found where a mode begins, by elimination with
    complete pivoting, in units in which what a row does and what its reaction does are of one size.
 
-   What is decided is looked at a little later: h + later d + (M + later K) r. */
+   What is decided is looked at a little later, after an implicit step of Euler's. */
 
 #define CANCELS 1e-12 /* of its terms, what is zero */
 
