@@ -12,9 +12,11 @@ from dataclasses import dataclass, fields, replace
 import casadi as ca
 import numpy as np
 
-from acausal.numerics.thresholds import CLOSED, CORNER, DEPENDENT
+from acausal.numerics.thresholds import CLOSED, CORNER, DEPENDENT, ROUNDING
 
 _SAFETY = 1e3
+_SLOW = 1e-4
+"""Of the fastest rate: what slower ones are measured by."""
 FAINT = 1e-6
 """A derivative by an unknown counts beside others by the same unknown where it is above this part of them."""
 
@@ -35,10 +37,17 @@ class Sizes:
     limit: np.ndarray | None = None
     """How much each unknown may change at once, as part of its size (n,)."""
 
-    def faster(self, rate: float) -> Sizes:
-        """Of rates that are measured by a larger one."""
-        more = max(1.0, rate / self.rate)
-        return replace(self, unknowns=self.unknowns * more, rows=self.rows * more, rate=self.rate * more)
+    def beside(self, fastest: float) -> Sizes:
+        """Of rates beside the fastest of all: measured by a small part of it where they are slower, and known as well as it is."""
+        more, rounding = max(1.0, _SLOW * fastest / self.rate), self.rounding
+        unsure = CLOSED / ROUNDING * fastest / self.rate * self.rows
+        return replace(
+            self,
+            unknowns=self.unknowns * more,
+            rows=self.rows * more,
+            rounding=None if rounding is None else lambda y: rounding(y) + unsure,
+            rate=self.rate * more,
+        )
 
     def of(self, rows: Sequence[int]) -> Sizes:
         """Only some of the rows."""

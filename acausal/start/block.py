@@ -21,6 +21,7 @@ from acausal.start.unknowns import Unknowns
 
 _PROBES = 3
 _KEPT = 8
+_PACES = ("rad/s", "m/s")
 _NONE = np.zeros(0)
 
 
@@ -55,6 +56,8 @@ class Block:
     """Those of the unknowns that deform bodies, or are rates of that: they stay as they are where others suffice."""
     winding: tuple[int, ...] = ()
     """Those of the rows that come to zero again in each full turn of a screw, which closes a loop."""
+    units: tuple[str, ...] = ()
+    """Among velocities: of the unknowns, and then of the rows, "" of those that are no start values."""
     known: dict[bytes, tuple[Sizes, np.ndarray]] = field(default_factory=dict[bytes, tuple[Sizes, np.ndarray]], compare=False)
     """Sizes of some calls before."""
 
@@ -73,10 +76,10 @@ class Block:
         """Unknowns that stay where the others suffice: what others follow from and what deforms bodies, or else some of these."""
         return alternatives(self.leading, self.elastic)
 
-    @property
-    def rotates(self) -> bool:
-        """Whether some unknowns are angular velocities, so that what is much for the others is known in 1/s, too."""
-        return self.unknowns.linear and bool(self.unknowns.turning.any())
+    def paces(self, sizes: Sizes) -> np.ndarray:
+        """Among velocities, the fastest that turns [rad/s] and that does not [m/s] at its own rate; 0 where there is none."""
+        found = np.concatenate([sizes.unknowns, sizes.rows])
+        return np.array([np.max(found[np.array(self.units) == unit], initial=0.0) for unit in _PACES])
 
     @functools.cached_property
     def curved(self) -> bool:

@@ -20,7 +20,6 @@ _PATIENCE = 30
 """Steps of a search for what is nearer: it begins no farther from the sketch than what was found."""
 _STEEP, _HALVINGS = 100, 12
 """Searches down an exponential, where sizes shrink on the way, and times that a beginning on it is halved."""
-_SLOW = 1e-4
 _NOTHING = 1e-3 * float(np.finfo(float).eps)
 """Part of an unknown that no row of its loops feels."""
 _SAME = 4 * float(np.finfo(float).eps)
@@ -43,13 +42,13 @@ def solve_block(
     """y of the block nearest to `first`, with `factors` of the wishes; begins where it is likely to close, `informed`, if that is known, and anew
     where nothing closes from there: `closer`, where loops are closed unless start values open them, and from up to 24 other places.
 
-    `fastest`: rate of all blocks, beside which much smaller ones are rounding errors.
+    `fastest`: the rate that the block would have beside the fastest of all, beside which much smaller ones are rounding errors.
     """
-    whole, slowest = np.concatenate([data, first]), _SLOW * fastest
+    whole = np.concatenate([data, first])
     sizes, wanted = block.sizes(whole, first, factors)
-    search = _Search(block, data, first, factors, whole, sizes.faster(slowest), wanted, slowest)
+    search = _Search(block, data, first, factors, whole, sizes.beside(fastest), wanted, fastest)
     if informed is not None and not np.array_equal(informed, search.begun):
-        there = replace(search, still=block.leading, sizes=block.sizes_at(informed, data, first, factors).faster(slowest))
+        there = replace(search, still=block.leading, sizes=block.sizes_at(informed, data, first, factors).beside(fastest))
         found, right = there.descend(informed)  # what is given by others is found beside them, where they may stay
         if right:
             y = _without_noise(found.y, search.begun, there.sizes.unknowns)
@@ -95,7 +94,7 @@ class _Search:
     whole: np.ndarray
     sizes: Sizes
     wanted: np.ndarray
-    slowest: float
+    fastest: float
     still: tuple[int, ...] = ()
     """Unknowns that stay as they are."""
 
@@ -171,7 +170,7 @@ class _Search:
             if self.block.curved:
                 # what rounding left beside zero is no size of anything
                 found = replace(found, y=_without_noise(found.y, self.begun, of.unknowns))
-                there = self.block.sizes_at(found.y, self.data, self.first, self.factors).faster(self.slowest)
+                there = self.block.sizes_at(found.y, self.data, self.first, self.factors).beside(self.fastest)
             if not (found.converged or self._steep) or not (there.rows < 0.5 * of.rows).any():
                 return found, found.converged and self.block.is_meant(found.y, self.whole)
             on = self._assembled(found.y, None if found.converged else self._soft, there, approach=False)

@@ -13,6 +13,7 @@ from acausal.numerics.assembly import Assembled, Residual, assemble, freedom
 from acausal.numerics.double_roots import where_solutions_meet
 from acausal.numerics.sizes import Drawn, Sizes
 from acausal.numerics.thresholds import DEPENDENT, EDGE, STRIDE
+from acausal.outputs.state_units import rate_units
 from acausal.parts.elastic_body import AbstractElasticBody
 from acausal.reduce.reduce import ReducedSystem
 from acausal.start.apart import Apart, Moving
@@ -126,10 +127,7 @@ class Search:
         for untorn in self.untorn:
             untorn.informed(informed, data, {i for i, _ in self.plain})
         parts: list[Found] = []
-        whole = np.concatenate([data, first])
-        rates = [block.sizes(whole, first, factors[block.wished])[0].rate for block in self.blocks if block.rotates]
-        for block in self.blocks:
-            fastest = max(rates) if block.rotates else 0.0
+        for block, fastest in zip(self.blocks, self._fastest(data, first, factors), strict=True):
             found = solve_block(block, data, first, closer[block.places], factors[block.wished], fastest, informed[block.places])
             y[block.places] = found.y
             parts.append(found)
@@ -137,6 +135,24 @@ class Search:
         return Found(
             y, first, worst.gap, worst.part, worst.converged, sum(f.iterations for f in parts), sum(f.restarts for f in parts)
         )  # fmt: skip
+
+    def _fastest(self, data: np.ndarray, first: np.ndarray, factors: np.ndarray) -> list[float]:
+        """For each block, among velocities, the rate that it would have if it were as fast as the fastest of the others, by what turns or else by what
+        shifts, or its own.
+        """
+        if self.whole is None or not self.whole.units:
+            return [0.0] * len(self.blocks)
+        off = self.whole.constraints(first, np.concatenate([data, first]))[0]
+        sizes = [block.sizes(np.concatenate([data, first]), first, factors[block.wished])[0] for block in self.blocks]
+        paces = np.array([block.paces(own) for block, own in zip(self.blocks, sizes, strict=True)])
+        moving = np.array([first[block.places].any() or off[block.rows].any() for block in self.blocks])
+        found: list[float] = []
+        for k, own in enumerate(sizes):
+            others = np.max(paces[moving & (np.arange(len(sizes)) != k)], axis=0, initial=0.0)
+            times = [most / pace for most, pace in zip(others, paces[k], strict=True) if most > 0 and pace > 0]
+            turns = self.blocks[k].unknowns.turning.any()  # what else is much has no other measure than itself
+            found.append(own.rate * max([float(turns), *times[:1]]))
+        return found
 
     def at_meeting(self, found: Found, data: np.ndarray) -> Found | None:
         """The same, at the place where two solutions meet if it is next to one, as where loops lie flat."""
@@ -297,7 +313,11 @@ def start_search(
     all = list(range(n)), list(range(m)), list(range(k))
     moving = Moving(system, y, first) if unknowns.linear and system.constraints.loops else None
     winding = () if unknowns.linear else tuple(k for k in range(closing.residual.numel()) if hard[k].op() == ca.OP_ATAN2)
-    everything = Block(unknowns, *all, whole, hard, soft, closing.signs, alike, drawn, apart or moving, winding=winding)
+    asked = [t.unit for t in exact for _ in range(t.size)]
+    units = (*rate_units(system), *[""] * closing.residual.numel(), *asked) if unknowns.linear else ()
+    everything = Block(
+        unknowns, *all, whole, hard, soft, closing.signs, alike, drawn, apart or moving, winding=winding, units=units
+    )
     side = ca.Function("side", [y, data], [ca.densify(closing.signs)]) if closing.signs.numel() else None
     return Search(
         what,
@@ -341,6 +361,7 @@ def _blocks(whole: Block) -> tuple[Block, ...]:
                 whole.unknowns.only(places), places, hard, soft, whole.whole, whole.hard[hard, :], whole.soft[soft, :],
                 whole.signs[signs, :] if signs else ca.SX(0, 1), whole.alike[soft], whole.drawn.of(hard), whole.apart,
                 winding=tuple(i for i, k in enumerate(hard) if k in whole.winding),
+                units=tuple(whole.units[k] for k in (*places, *(whole.unknowns.y.numel() + k for k in hard))) if whole.units else (),
             )
         )  # fmt: skip
     return tuple(found)
