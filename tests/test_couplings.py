@@ -13,7 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import acausal as ac
-from acausal.errors import JumpWarning, ParameterError
+from acausal.errors import JumpWarning, ParameterError, StartValueError, UnderdeterminedError
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, rotation_about_z
 from components import (
@@ -66,12 +66,13 @@ class Cam(ac.Component):
     """slide = f(shaft), without losses."""
 
     slide, shaft = ac.Translational.port(), ac.Rotational.port()
+    times = 1.0
 
     def __init__(self, f: Callable, slope: Callable) -> None:
         self.f, self.slope = f, slope
 
     def equations(self):
-        yield ac.equal(self.slide.s, self.f(self.shaft.phi))
+        yield ac.equal(self.times * self.slide.s, self.times * self.f(self.shaft.phi))
         yield ac.equal(self.shaft.tau + self.slide.f * self.slope(self.shaft.phi), 0.0)
 
 
@@ -421,6 +422,36 @@ def test_two_equal_gears_agree_and_two_that_do_not_are_named(shafts):
         model.simulate(1.0, start, parameters={scene.ratios[1]: -3.0})
 
 
+def cams(count: int, size: float, offset: ac.Parameter | float = 0.0) -> ac.System:
+    """A mass on a rotor's cams that say the same in other words, but for an `offset` of all others than the first."""
+    scene = ac.System()
+    scene.mass, scene.rotor, scene.offset, scene.cams = SlidingMass(2.0), Inertia(0.7 * size**2), offset, []
+    for k in range(count):
+        away = offset if k else 0.0
+        cam = Cam(lambda a, away=away: size * (np.sin(a) + 0.2 * a) + away, lambda a: size * (np.cos(a) + 0.2))
+        cam.times = 1.0 - 3.0 * k
+        scene.cams = [*scene.cams, cam]
+        scene.connect(cam.slide, scene.mass.flange_a if k % 2 else scene.mass.flange_b)
+        scene.connect(cam.shaft, scene.rotor.flange_b if k % 2 else scene.rotor.flange_a)
+    return scene
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_cams_that_say_the_same_share_the_load_and_those_that_do_not_are_named(size):
+    one, three, offset = cams(1, size), cams(3, size), ac.Parameter(0.0)
+    model = ac.build(three)
+    assert sum(entry.kind == "redundant" for entry in model.constraints()) == 2
+    single, run = (ac.build(s).simulate(1.0, {s.rotor.phi: 0.3, s.rotor.w: 1.0}, rtol=1e-10) for s in (one, three))
+    inertia = 0.7 + 2.0 * (np.cos(run[three.rotor.phi]) + 0.2) ** 2  # what moves by itself keeps its energy
+    np.testing.assert_allclose(run[three.rotor.w], np.sqrt((0.7 + 2.0 * (np.cos(0.3) + 0.2) ** 2) / inertia), rtol=1e-9)
+    for cam in three.cams:
+        np.testing.assert_allclose(3 * run[cam.slide.f], single[one.cams[0].slide.f], rtol=1e-7, atol=1e-9 * size)
+    for other, start in ((offset, {offset: 0.1 * size}), (0.1 * size, {})):
+        with pytest.raises((ParameterError, UnderdeterminedError), match=r"cams\[[01]\]"):
+            apart = cams(2, size, other)
+            ac.build(apart).simulate(1.0, {apart.rotor.phi: 0.3}, parameters=start)
+
+
 def test_three_planetary_gears_between_inertias():
     scene = ac.System()
     scene.sun, scene.arm, scene.ring = Inertia(0.1), Inertia(0.4), Inertia(0.3)
@@ -569,3 +600,17 @@ def test_a_torque_at_a_screw_lifts_its_nut(pitch: float, size: float) -> None:
     assert np.max(np.abs(run[scene.screw.q] - turned)) < 1e-9 * np.max(np.abs(turned))
     assert np.max(np.abs(run[scene.nut.frame.position[2]] / size - h * turned)) < 1e-9 * np.max(np.abs(h * turned))
     assert run[scene.motor.phi] == pytest.approx(i * run[scene.screw.q])
+
+
+@pytest.mark.parametrize("beside", ["turns", "shifts"])
+@pytest.mark.parametrize(("size", "pace"), [(1e-3, 1e3), (1.0, 1.0), (1e3, 1e-3), (1e-3, 1e-3)])
+def test_what_rounding_leaves_of_velocities_is_no_contradiction(size, pace, beside):
+    scene = cams(1, size)
+    scene.other = Inertia(1.0) if beside == "turns" else SlidingMass(1.0)
+    model, (fast, much) = ac.build(scene), (scene.other.w, 1.0) if beside == "turns" else (scene.other.v, size)
+    at = {scene.rotor.phi: 0.3, fast: pace * much}
+    noise = np.finfo(float).eps * pace * np.random.default_rng(1).uniform(-1, 1, (5, 2))
+    for turn, shift in noise:
+        model.initial_state({**at, scene.rotor.w: turn, scene.mass.v: size * shift})
+        with pytest.raises(StartValueError, match=r"mass\.v"):
+            model.initial_state({**at, scene.rotor.w: 1e6 * turn, scene.mass.v: 1e6 * size * shift})

@@ -14,10 +14,12 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import LockedError
+from acausal.graphs import Graph
 from acausal.numerics.vanishing import vanish
-from acausal.scalar.dependent import Elimination
+from acausal.scalar.dependent import Elimination, Row
 from acausal.scalar.equations import EquationSet, ScalarEquation
 
+_PLACES = 3
 _KNOWN = 1e-11
 """How well the weights are known in sums of equations that vanish."""
 
@@ -33,19 +35,19 @@ class Needed:
 def needed(system: EquationSet, flows: Mapping[int, ca.SX], positions: set[int]) -> Needed:
     """`flows`: hash of a flange's position -> the effort there. `positions`: hashes of all unknowns that are positions, of flanges and others.
 
-    Only equations that are linear in positions at the present values of parameters, and in nothing else but the time, are looked at.
+    Only equations between positions, at the present values of parameters, and of the time are looked at: those that are linear, and the others by themselves.
     """
     rows = _Rows(system, positions)
-    if sum(not e.label.startswith("connection") for e in rows.equations.values()) < 2:
-        return Needed(system)
-    elimination = Elimination({k: dict(row) for k, row in rows.coefficients.items()})
-    sums = [elimination.weights(k) for k in elimination.run()]
     parts = sorted(k for k, e in rows.equations.items() if not e.label.startswith("connection"))
+    if len(parts) < 2:
+        return Needed(system)
     found: list[tuple[dict[int, float], ca.SX]] = []
-    for weights in sums:
-        shares = _shares(rows, {k: weights[k] for k in parts if k in weights}, flows)
-        if not shares.is_zero() and rows.vanish(weights):
-            found.append((weights, shares))
+    for candidates, residuals in (rows.linear, rows.bent):
+        elimination = Elimination(candidates)
+        for weights in [elimination.weights(k) for k in elimination.run()]:
+            shares = rows.shares({k: weights[k] for k in parts if k in weights}, flows)
+            if not shares.is_zero() and rows.vanish(weights, residuals):
+                found.append((weights, shares))
     equations, redundant = list(system.equations), list[ScalarEquation]()
     for k, (_, shares) in zip(_dropped([weights for weights, _ in found], parts), found, strict=True):
         redundant.append(equations[k])
@@ -90,6 +92,7 @@ class _Rows:
         unknowns = {u.symbol.element_hash() for u in (*system.unknowns, *system.outer)}
         unknowns |= {rate.element_hash() for rate, _ in system.derivatives}
         rated = {s.element_hash() for s, _ in system.known_rates}
+        self._positions = positions
         self.equations: dict[int, ScalarEquation] = {}
         self.symbols: dict[int, list[ca.SX]] = {}
         for k, equation in enumerate(system.equations):
@@ -99,15 +102,51 @@ class _Rows:
             if own and all(s.element_hash() in positions for s in own) and all(s.element_hash() in rated for s in others):
                 self.equations[k], self.symbols[k] = equation, own
         self._values = {s.element_hash(): value for s, value in system.values}
-        self.coefficients: dict[int, dict[tuple[int, int], float]] = {}
-        for k in list(self.equations):
-            row = self._linear(k)
-            if row is None:
-                del self.equations[k]
-            else:
-                self.coefficients[k] = row
+        self._coefficients = {k: row for k in self.equations if (row := self._linear(k)) is not None}
 
-    def _linear(self, k: int) -> dict[tuple[int, int], float] | None:
+    @property
+    def linear(self) -> tuple[dict[int, Row], dict[int, ca.SX]]:
+        """Coefficients and residuals of those that are linear."""
+        return {k: dict(row) for k, row in self._coefficients.items()}, {
+            k: self.equations[k].residual for k in self._coefficients
+        }
+
+    @property
+    def bent(self) -> tuple[dict[int, Row], dict[int, ca.SX]]:
+        """Slopes at some places, and residuals, of the others, with one position for all that are always the same."""
+        numbers = [k for k in self.equations if k not in self._coefficients]
+        if len(numbers) < 2:
+            return {}, {}
+        old, new = self._same()
+        residuals = {k: ca.substitute([self.equations[k].residual], old, new)[0] for k in numbers}
+        symbols = ca.symvar(ca.vertcat(*residuals.values()))
+        rng = np.random.default_rng(5)
+        places = [np.array([self._values.get(s.element_hash(), rng.uniform(0.5, 1.5)) for s in symbols]) for _ in range(_PLACES)]
+        unknowns = [s for s in symbols if s.element_hash() in self._positions]
+        slopes = ca.Function(
+            "slopes", [ca.vertcat(*symbols)], [ca.densify(ca.jacobian(ca.vertcat(*residuals.values()), ca.vertcat(*unknowns)))]
+        )
+        found = np.stack([np.array(slopes(place)) for place in places], axis=-1)
+        rows = {
+            k: {(s.element_hash(), p): float(a) for s, at in zip(unknowns, of, strict=True) for p, a in enumerate(at) if a != 0.0}
+            for k, of in zip(numbers, found, strict=True)
+            if np.isfinite(of).all()
+        }
+        return rows, residuals
+
+    def _same(self) -> tuple[list[ca.SX], list[ca.SX]]:
+        """Positions that equations set equal, and the ones that stand for them."""
+        symbols = {s.element_hash(): s for own in self.symbols.values() for s in own}
+        equal = list[tuple[int, int]]()
+        for k in self._coefficients:
+            if len(self.symbols[k]) == 2:
+                a, b = self.symbols[k]
+                if ca.substitute(self.equations[k].residual, a, b).is_zero():
+                    equal.append((a.element_hash(), b.element_hash()))
+        pairs = [(symbols[other], symbols[part[0]]) for part in Graph(list(symbols), equal).parts() for other in part[1:]]
+        return [old for old, _ in pairs], [new for _, new in pairs]
+
+    def _linear(self, k: int) -> Row | None:
         """Coefficients of a row by symbol; None where it is not linear."""
         residual, own = self.equations[k].residual, self.symbols[k]
         slope = ca.densify(ca.jacobian(residual, ca.vertcat(*own)))
@@ -121,19 +160,21 @@ class _Rows:
             return None
         return {(s.element_hash(), 0): float(a) for s, a in zip(own, values.ravel(), strict=True) if a != 0.0}
 
-    def vanish(self, weights: Mapping[int, float]) -> bool:
+    def vanish(self, weights: Mapping[int, float], residuals: Mapping[int, ca.SX]) -> bool:
         """Whether the sum of equations with these weights is zero whatever the positions are."""
-        total = sum((w * self.equations[j].residual for j, w in weights.items()), ca.SX(0))
+        total = sum((w * residuals[j] for j, w in weights.items()), ca.SX(0))
         symbols = [s for s in ca.symvar(total) if s.element_hash() in self._values]
         values = np.array([self._values[s.element_hash()] for s in symbols])
         return vanish(total, ca.vertcat(ca.SX(0, 1), *symbols), values, known=_KNOWN)
 
-
-def _shares(rows: _Rows, weights: Mapping[int, float], flows: Mapping[int, ca.SX]) -> ca.SX:
-    """Sum over the flanges of the efforts times what balances among them."""
-    total = ca.SX(0)
-    for j, weight in weights.items():
-        for (key, _), coefficient in rows.coefficients[j].items():
-            if key in flows:
-                total += weight * coefficient * flows[key]
-    return total
+    def shares(self, weights: Mapping[int, float], flows: Mapping[int, ca.SX]) -> ca.SX:
+        """Sum over the flanges of the efforts times what balances among them."""
+        total = ca.SX(0)
+        for j, weight in weights.items():
+            known = self._coefficients.get(j)
+            for s in self.symbols[j]:
+                key = s.element_hash()
+                if key in flows:
+                    slope = ca.jacobian(self.equations[j].residual, s) if known is None else ca.SX(known.get((key, 0), 0.0))
+                    total += weight * slope * flows[key]
+        return total
