@@ -17,22 +17,37 @@ from acausal.start.coordinates import turning_states
 _EPS = float(np.finfo(float).eps)
 _LEAST, _LOOSE = 1e-8, 10.0
 """Of the terms of an invariant, what it may be off by whatever is asked for; times the tolerance, and times what it is off by at the start."""
+_PLAIN = 1e-4
+"""What is plain: rows that depend on one another are assembled to rounding after each step, but where the motion is on no branch of them."""
+_APART = (
+    "The motion is on no branch of its loops any more: branches touch at a singular position nearby, and nothing tells on which of them it goes on. Start elsewhere, "
+    "turn the axis of a joint a little, or leave out what holds nothing that others do not hold."
+)
 _EARLY = 4
 """The terms of invariants are known from the start, and from where this part of the steps is over: velocities may begin at rest."""
 
 
 def sound(functions: Functions, run: Trajectory, accuracy: Accuracy) -> Solution:
-    """The solution of a run of one piece, without steps from the first one on that leaves its invariants by more than the tolerance allows."""
+    """The solution of a run of one piece, without steps from the first one on that leaves its invariants by more than the tolerance allows.
+
+    One that came to its end has failed where rows that depend on one another, only where they are assembled, are plainly not assembled.
+    """
     solution = run.solution
-    if solution.status.kind in (StatusKind.SUCCESS, StatusKind.INTERRUPTED) or solution.t.size < 2:
+    ended = solution.status.kind is StatusKind.SUCCESS
+    damped = functions.outputs.system.constraints.damped and accuracy.step is None
+    if solution.status.kind is StatusKind.INTERRUPTED or (ended and not damped) or solution.t.size < 2:
         return solution
     with np.errstate(all="ignore"):
         values = at_steps(functions, run, functions.watched)
         terms = _Terms(functions, run)
-        lost = _leaves(functions, values, terms, accuracy)
+        kept = values[: 2 + functions.kept_invariants] if ended else values
+        least = max(_LOOSE * accuracy.rtol, _LEAST)
+        left = not ended or _leaves(kept, terms, max(least, _PLAIN)) < solution.t.size
+        lost = _leaves(kept, terms, least) if left else solution.t.size
     if not 0 < lost < solution.t.size:
         return solution
-    return _until(solution, lost)
+    status = replace(solution.status, kind=StatusKind.BRANCHES_TOUCH, message=_APART) if ended else solution.status
+    return _until(replace(solution, status=status), lost)
 
 
 class _Terms:
@@ -51,17 +66,17 @@ class _Terms:
         return self._rounding(float(run.steps.t[k]), run.steps.x[:, k], u, run.problem.parameters, spread=_EPS * met) / _EPS
 
 
-def _leaves(functions: Functions, values: np.ndarray, terms: _Terms, accuracy: Accuracy) -> int:
-    """The first step end at which what is kept is not; their number if there is none. `values`: energies and invariants (rows, n)."""
-    gaps, n, first = np.abs(values[2:]), values.shape[1], terms.at(0)
+def _leaves(values: np.ndarray, terms: _Terms, least: float) -> int:
+    """The first step end at which what is kept is not, by this part of its terms; their number if there is none. `values`: energies and invariants (rows, n)."""
+    gaps, n, first = np.abs(values[2:]), values.shape[1], terms.at(0)[: values.shape[0]]
     lost = int(np.argmax(np.append(~np.isfinite(values).all(axis=0), True)))
     start = np.where(first[2:] > 0, gaps[:, 0] / first[2:], 0.0)
-    allowed = np.maximum(_LOOSE * accuracy.rtol, _LEAST) + _LOOSE * start
-    usual = np.fmax(first, terms.at(n // _EARLY))[2:]
+    allowed = least + _LOOSE * start
+    usual = np.fmax(first, terms.at(n // _EARLY)[: values.shape[0]])[2:]
     for k in np.flatnonzero((gaps > (allowed * usual)[:, None]).any(axis=0)):
         if k >= lost:
             break
-        here = terms.at(int(k))[2:]
+        here = terms.at(int(k))[2 : values.shape[0]]
         if ((gaps[:, k] > allowed * here) & (here > 0)).any():
             lost = int(k)
             break
