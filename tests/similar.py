@@ -179,6 +179,32 @@ def four_bar(of: Units) -> Similar:
 
 
 @scene
+def carried_wishbone(of: Units) -> Similar:
+    """A body that is free, with two arms, an upright and a tie rod at its side: what loops hold, and what they do not, has units of both kinds."""
+    s: Any = ac.System()
+    s.world, s.chassis, s.joint = of.world(0, 0, -9.81), RigidBody.box(9 * of.mass, of.vector(1, 0.6, 0.3)), Free()
+    s.lower, s.upper = (RigidBody.rod(of.mass, of.vector(x, y, 0)) for x, y in ((0.0, 0.4), (-0.02, 0.3)))
+    s.upright = RigidBody.box(2 * of.mass, of.vector(0.1, 0.1, 0.3))
+    s.hinges, s.balls = [Revolute("x"), Revolute("x")], [Spherical(), Spherical()]
+    joined(
+        s,
+        (of.base(s.world), s.joint, s.chassis.frame),
+        (s.chassis.at(of.vector(0, 0.35, 0.2)), s.hinges[0], s.lower.frame),
+        (s.chassis.at(of.vector(0, 0.45, 0.5)), s.hinges[1], s.upper.frame),
+        (s.lower.tip, s.balls[0], s.upright.at(of.vector(0, 0, -0.15))),
+        (s.upper.tip, s.balls[1], s.upright.at(of.vector(-0.02, 0, 0.15))),
+    )
+    s.tie, s.spring = Rod(math.hypot(0.36, 0.01) * of.length), Spring(300 * of.stiffness, of.length)
+    s.connect(s.chassis.at(of.vector(-0.14, 0.36, 0.29)), s.tie.frame_a)
+    s.connect(s.tie.frame_b, s.upright.at(of.vector(-0.14, -0.03, -0.07)))
+    s.connect(of.base(s.world, 0, 0, 2), s.spring.point_a)
+    s.connect(s.spring.point_b, s.chassis.at(of.vector(0.1, 0.1, 0.1)))
+    start = {s.joint.v: [of.rate, 0, 0, *(of.speed * np.array([0.0, 0.5, 0]))], s.hinges[0].v: 2 * of.rate}
+    seen = ((s.joint.q[4:7], of.length), (s.joint.v[3:6], of.speed), (s.joint.q[0:4], 1.0), (s.hinges[0].q, 1.0))
+    return Similar(s, start, 0.5 * of.time, seen)
+
+
+@scene
 def slider_crank(of: Units) -> Similar:
     s: Any = ac.System()
     s.world, s.a, s.b, s.c, s.rail = of.world(0, -9.81, 0), Revolute("z"), Revolute("z"), Revolute("z"), Prismatic("x")

@@ -291,10 +291,10 @@ class Functions:
         """1 / how much a position or velocity of loops is, beside others; 0 for other states of the system."""
         s = self.outputs.system
         usual = np.zeros(s.x.numel())
-        usual[s.nq : s.nq + s.tree_velocities] = 1 / s.constraints.rates
         for part in s.constraints.examined:
             assert part.walk is not None
             usual[list(part.group.q_places)] = 1 / part.walk.unit
+            usual[s.nq + np.array(part.group.v_places, dtype=int)] = 1 / part.rates
         return usual
 
     @property
