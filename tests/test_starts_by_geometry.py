@@ -11,11 +11,13 @@ from typing import Any
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.optimize import minimize
 
 import acausal as ac
 from acausal import errors
 from acausal.numerics.assembly import assemble
 from components import (
+    Cable,
     Contact,
     Diode,
     ParametricCurve,
@@ -323,6 +325,28 @@ def test_what_start_values_leave_open_is_the_nearest_in_any_unit(size):
         R = [run[part.frame.rotation][0].ravel() for part in (scene.body, scene.plate)]
         found.append(np.concatenate([run[scene.plate.frame.position][0] / of, *R]))
     assert np.max(np.abs(found[0] - found[1])) < 1e-9
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_weight_on_a_cable_starts_at_the_place_on_its_ellipsoid_that_is_nearest_to_the_sketch(size):
+    """Though along one axis the cable's length hardly changes at first: in which direction a place is off makes no difference."""
+    for seed in range(4):
+        rng = np.random.default_rng(seed)
+        (a, b, drawn), longer = rng.uniform(-1, 1, (3, 3)) - np.array([[0], [0], [1]]) * [0, 0, 1], rng.uniform(0.9, 1.1)
+        around = lambda x, a=a, b=b: np.linalg.norm(x - a) + np.linalg.norm(x - b)  # noqa: E731
+        length = longer * around(drawn)
+        scene = ac.System()
+        scene.world, scene.weight = World(), Particle(2.0, position=tuple(size * drawn))
+        scene.cable = Cable(size * length, over=(scene.weight.point,))
+        scene.connect(scene.world.at(tuple(size * a)), scene.cable.frame_a)
+        scene.connect(scene.cable.frame_b, scene.world.at(tuple(size * b)))
+        place = ac.build(scene).initial_state().x[:3] / size
+        closing = {"type": "eq", "fun": lambda x, of=around, length=length: of(x) - length}
+        begins = [drawn + 0.1 * rng.normal(size=3) for _ in range(4)]
+        off = lambda x, drawn=drawn: np.sum((x - drawn) ** 2)  # noqa: E731
+        tried = [minimize(off, begin, constraints=closing, options={"ftol": 1e-15}) for begin in begins]
+        assert abs(around(place) - length) < 1e-13
+        assert off(place) < min(one.fun for one in tried if one.success) + 1e-9
 
 
 @pytest.mark.parametrize("size", [1.0, 2e-5])

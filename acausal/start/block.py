@@ -100,9 +100,11 @@ class Block:
         if self.apart is None:
             return None
         rows, differences = self._apart
-        unknowns = np.ones(self.apart.y.numel())
-        unknowns[self.places] = sizes.unknowns
-        longest = np.max(sizes.unknowns[~self.unknowns.turning], initial=0.0)
+        unknowns, own = np.ones(self.apart.y.numel()), sizes.unknowns.copy()
+        longest = np.max(own[~self.unknowns.turning], initial=0.0)
+        if not self.unknowns.linear:  # lengths count alike, whichever way they lead
+            own[~self.unknowns.turning] = np.min(own[~self.unknowns.turning], initial=np.inf)
+        unknowns[self.places] = own
         loop = float(positive(np.array([np.max(sizes.rows[self.drawn.shifts], initial=longest)]))[0])
         scale = differences.sizes(unknowns, loop, sizes.rate)
         data = np.concatenate([data, self.apart.closed(data[: data.size - self.apart.first.numel()])])
