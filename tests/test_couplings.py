@@ -614,3 +614,5 @@ def test_what_rounding_leaves_of_velocities_is_no_contradiction(size, pace, besi
         model.initial_state({**at, scene.rotor.w: turn, scene.mass.v: size * shift})
         with pytest.raises(StartValueError, match=r"mass\.v"):
             model.initial_state({**at, scene.rotor.w: 1e6 * turn, scene.mass.v: 1e6 * size * shift})
+    run = model.simulate(0.1 / pace, {**at, scene.rotor.w: noise[0, 0], scene.mass.v: size * noise[0, 1]}, samples=2)
+    assert not run[scene.rotor.w].any()  # it rests, and no warning says that its constraints are left

@@ -11,7 +11,7 @@ import numpy as np
 from acausal.numerics.assembly import Assembled, Residual, assemble, brought_near, held
 from acausal.numerics.rivals import Candidate, nearest_rival
 from acausal.numerics.sizes import Sizes
-from acausal.numerics.thresholds import STRIDE
+from acausal.numerics.thresholds import CLOSED, STRIDE
 from acausal.start.block import Block
 from acausal.start.unknowns import Found
 
@@ -74,7 +74,16 @@ def solve_block(
     best = Found(found.y, search.begun, found.gap, found.part, right, spent, restarts)
     if right and spent and not block.unknowns.linear:
         best = keeping.nearest(found, spent, restarts)
+    if right and block.unknowns.linear and _is_noise(search, best.y, sizes):
+        return replace(best, y=np.zeros(best.y.size))
     return replace(best, y=_without_noise(best.y, search.begun, sizes.unknowns))
+
+
+def _is_noise(search: _Search, y: np.ndarray, sizes: Sizes) -> bool:
+    """Whether velocities miss rows by what is much for themselves, and nothing but rounding of the fastest: then rest meets these as well."""
+    most = CLOSED * search.fastest / sizes.rate * sizes.rows
+    missed, at_rest = (np.abs(search.block.constraints(v, search.whole)[0]) for v in (y, np.zeros(y.size)))
+    return bool((missed > _MISSED * sizes.rows).any() and (at_rest <= most).all())
 
 
 def _without_noise(y: np.ndarray, begun: np.ndarray, sizes: np.ndarray) -> np.ndarray:
