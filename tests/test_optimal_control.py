@@ -11,12 +11,13 @@ import casadi as ca
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
-from scipy.linalg import expm
+from scipy.linalg import expm, null_space
 from scipy.optimize import brentq, minimize
 
 import acausal as ac
 from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
 from acausal.optimal_control import attempts, solving
+from acausal.optimal_control import search as searching
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.lanes import Lanes, mapped, plainly
 from acausal.optimal_control.mesh import Mesher
@@ -710,7 +711,8 @@ def test_bounds_are_named_by_what_stands_in_them() -> None:
         ocp.solve(6)
 
 
-def test_a_cart_pole_swings_up_as_its_textbook_equations_say() -> None:
+@pytest.mark.parametrize("solver", ["ipopt", "piqp"])
+def test_a_cart_pole_swings_up_as_its_textbook_equations_say(solver: str) -> None:
     """The same collocation of the equations of textbooks, written by hand for `ca.Opti`."""
     scene = CartPole()
     ocp = ac.OptimalControl(ac.build(scene), 2.0)
@@ -718,9 +720,9 @@ def test_a_cart_pole_swings_up_as_its_textbook_equations_say() -> None:
     ocp.end({scene.rail.q: 0.0, scene.hinge.q: np.pi, scene.rail.v: 0.0, scene.hinge.v: 0.0})
     ocp.bound(scene.force, -20, 20)
     ocp.minimise(ac.integral(scene.force**2))
-    best = ocp.solve(30, refinements=0)
+    best = ocp.solve(30, solver=solver, refinements=0)
     assert best.cost == pytest.approx(cart_pole_by_hand(30, best), rel=1e-8)
-    fine = ocp.solve(30, tolerance=1e-8)
+    fine = ocp.solve(30, solver=solver, tolerance=1e-8)
     assert fine.defect < 1e-8
     assert fine.replay_error < 10 * fine.growth * fine.mesh.intervals * 1e-8
     assert fine.cost == pytest.approx(best.cost, rel=1e-4)  # of a mesh of 30 intervals
@@ -975,6 +977,73 @@ def test_reactions_are_bounded_by_name() -> None:
     assert failed.value.best.x.shape == (2, 11)
 
 
+def up_with_bounded_reactions() -> ac.OptimalControl:
+    """A pendulum whose hinge bears 14 N along the arm."""
+    scene = Pendulum()
+    ocp = ac.OptimalControl(ac.build(scene), 1.5)
+    ocp.start({scene.hinge.q: 0.0})
+    ocp.end({scene.hinge.q: np.pi, scene.hinge.v: 0.0})
+    ocp.bound(scene.hinge.frame_b.force[2], -14.0, 14.0)
+    ocp.minimise(ac.integral(scene.torque**2))
+    return ocp
+
+
+def a_turn_of_a_four_bar() -> ac.OptimalControl:
+    """From rest, in a second."""
+    scene = DrivenFourBar()
+    ocp = ac.OptimalControl(ac.build(scene), 1.0)
+    ocp.start({scene.a.q: 0.3})
+    ocp.end({scene.a.q: 0.3 + 2 * np.pi, scene.a.v: 0.0})
+    ocp.minimise(ac.integral(scene.torque**2))
+    return ocp
+
+
+def a_swing_up_of_a_cart_pole() -> ac.OptimalControl:
+    """In two seconds."""
+    scene = CartPole()
+    ocp = ac.OptimalControl(ac.build(scene), 2.0)
+    ocp.start({scene.rail.q: 0.0, scene.hinge.q: 0.0})
+    ocp.end({scene.rail.q: 0.0, scene.hinge.q: np.pi, scene.rail.v: 0.0, scene.hinge.v: 0.0})
+    ocp.bound(scene.force, -20, 20)
+    ocp.minimise(ac.integral(scene.force**2))
+    return ocp
+
+
+@pytest.mark.parametrize("problem", [up_with_bounded_reactions, a_turn_of_a_four_bar, a_swing_up_of_a_cart_pole])
+def test_steps_of_quadratic_programs_find_what_ipopt_finds(problem: Callable[[], ac.OptimalControl]) -> None:
+    """On a mesh twice as fine, whether these lead there or it has to be ipopt; and from that on another one, in few steps."""
+    ocp = problem()
+    near = ocp.solve(12, refinements=0)
+    for intervals in (24, 31):
+        ocp.guess(near)
+        near, best = (ocp.solve(intervals, solver=solver, refinements=0) for solver in ("ipopt", "piqp"))
+        assert best.cost == pytest.approx(near.cost, rel=1e-7)
+        assert np.allclose(best.x, near.x, rtol=0, atol=1e-4 * np.ptp(near.x))
+    assert best.iterations < 10
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_a_least_cost_is_told_from_a_saddle_by_inertia(seed: int) -> None:
+    """Of quadratic programs drawn at random: as the curvature along what constraints and bounds leave."""
+    rng = np.random.default_rng(seed)
+    n, rows = int(rng.integers(3, 12)), int(rng.integers(0, 3))
+    A, J = rng.normal(size=(n, n)), rng.normal(size=(rows, n))
+    H = A + A.T + 2 * np.sqrt(n) * rng.uniform(0, 2) * np.eye(n)
+    z, none = ca.SX.sym("z", n), ca.SX.sym("none", 0)
+    term = Term(
+        ca.Function("square", [z, none], [ca.bilin(ca.DM(H), z, z) / 2]), np.arange(n)[:, None], np.ones((n, 1)), np.zeros((0, 1)),
+        np.array([[COST]]), np.ones((1, 1)),
+    )  # fmt: skip
+    i, j = np.indices(J.shape).reshape(2, -1)
+    limits, bounds = np.zeros((2, rows)), np.repeat([[-np.inf], [np.inf]], n, axis=1)
+    program = Program([term], (i, j, J.ravel()), np.zeros(n), limits, bounds, np.zeros(n))
+    loose = np.append(rng.uniform(size=n) < 0.8, rng.uniform(size=rows) < 0.3)
+    free, held = np.flatnonzero(loose[:n]), J[~loose[n:]]
+    along = np.eye(n)[:, free] @ null_space(held[:, free]) if held.size else np.eye(n)[:, free]
+    curvature = np.linalg.eigvalsh(along.T @ H @ along) if along.shape[1] else np.ones(1)
+    assert program.bent_downwards(np.zeros(n), np.zeros(rows), loose) == (curvature[0] < 0)
+
+
 def test_a_length_is_found_with_the_motion() -> None:
     """Held out at an angle the torque is m g l sin(angle): least where the arm is shortest, and the bound holds to rounding."""
     scene = Pendulum()
@@ -1028,7 +1097,7 @@ def test_a_periodic_motion_ends_as_it_began() -> None:
         (lambda s, m: ac.integral(s.force) + cast(Any, "a"), "must be a finite number, not 'a'"),
         (lambda s, m: ac.OptimalControl(m, 1.0).optimise(s.force, 0, 1), "is no parameter"),
         (lambda s, m: ac.OptimalControl(m, 1.0).at(1.5, {s.rail.q: 0}), "between 0 and 1"),
-        (lambda s, m: ac.OptimalControl(m, 1.0).solve(solver="snopt"), "no solver 'snopt'"),
+        (lambda s, m: ac.OptimalControl(m, 1.0).solve(solver="snopt"), "no solver 'snopt'. Use 'ipopt', 'piqp'."),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(order=4), "odd order"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(order=1, controls="linear"), "a line needs two"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(controls="spline"), "'free', 'constant' or 'linear'"),
@@ -1272,6 +1341,18 @@ def test_an_input_without_effect_is_said() -> None:
     scene.idle = ac.Input("N")
     with pytest.raises(OptionError, match="The input idle has no effect on the motion"):
         rest_to_rest(ac.build(scene), scene, 1.0).solve(4)
+
+
+def test_quadratic_programs_that_are_interrupted_are_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Ctrl-C in the midst of these hands over where they began."""
+    monkeypatch.setattr(searching, "_STEPS", 10**6)
+    monkeypatch.setattr(searching, "_NEARLY_FLAT", 1e-40)
+    program = whole([a_swing_up_of_a_cart_pole().part(Mesher(100, 5, "free", "piqp"))], []).program
+    search(program, "ipopt", {"ipopt.max_iter": 0}, warm=False)  # made before
+    threading.Timer(0.3, _thread.interrupt_main).start()
+    w, *_, stats = search(program, "piqp", {}, warm=False)
+    assert stats["return_status"] == searching.INTERRUPTED and not stats["success"]
+    assert np.array_equal(w, np.clip(program.guess, *program.bounds))
 
 
 def test_an_interrupted_search_hands_over_its_iterate(monkeypatch: pytest.MonkeyPatch) -> None:

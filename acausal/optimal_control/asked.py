@@ -46,7 +46,11 @@ class Limits:
 
     def excess(self, values: np.ndarray) -> np.ndarray:
         """By how much values (entries, n) are outside, not negative."""
-        return np.maximum(0.0, np.maximum(self.lower[:, None] - values, values - self.upper[:, None]))
+        lower, upper = self.lower[:, None], self.upper[:, None]
+        with np.errstate(invalid="ignore"):  # a side without a limit is not left by what has no number, either
+            below = np.where(np.isfinite(lower), lower - values, 0.0)
+            above = np.where(np.isfinite(upper), values - upper, 0.0)
+        return np.maximum(0.0, np.maximum(below, above))
 
     def share(self, values: np.ndarray) -> np.ndarray:
         """The same (entries, n), relative to what each entry is at most; infinite where a value is no number."""

@@ -18,6 +18,7 @@ from acausal.optimal_control.link import Link
 from acausal.optimal_control.mesh import Mesh
 from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.search import CONVERGED, INTERRUPTED, NEARLY, Outcome, search
+from acausal.optimal_control.separable import IPOPT
 from acausal.optimal_control.sharper import Sharper
 from acausal.optimal_control.whole import Part, Whole, whole
 
@@ -228,10 +229,12 @@ class Searches:
         return Attempt(parts, problem, refined, w, cost, phases, status, bool(stats["success"]), work)
 
     def _near(self, problem: Whole) -> tuple[np.ndarray, float]:
-        """Unknowns of the best motions near the guesses, and about how far their cost is from the least one; infinite where there are none. Nobody counts that."""
+        """Unknowns of the best motions near the guesses, and about how far their cost is from the least one; infinite where there are none. Nobody counts that, and quadratic programs would leave
+        what is near.
+        """
         w = problem.program.guess
         for warm, how in ((True, _BRIEFLY), (False, _BRIEFLY), (True, _ROUGHLY)):
-            w, _, _, gaps, stats = search(problem.program, self._plugin, {**how, **self._options}, warm=warm)
+            w, _, _, gaps, stats = search(problem.program, IPOPT, {**how, **self._options}, warm=warm)
             if stats["return_status"] == INTERRUPTED:
                 raise KeyboardInterrupt
             if stats["return_status"] == CONVERGED:

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import OptionError
-from acausal.optimal_control.separable import Program
+from acausal.optimal_control.separable import IPOPT, Program
 
 CONVERGED = "Solve_Succeeded"
 """What ipopt says where all holds to its tolerance; what is nearly as good is a success, too."""
@@ -24,6 +24,14 @@ _NEAR = 300
 """Iterations for what is near: who needs more was not."""
 _INSIDE = 1e-3
 """How far inside its bounds what is near begins."""
+_STEPS = 20
+"""Quadratic programs that are solved: who needs more is not led to a least cost by them."""
+_NEARLY_FLAT = 1e-8
+"""In units of the program: slopes that steps of quadratic programs leave."""
+_QP_OPTIONS = {"piqp": {"piqp": {"eps_abs": 1e-10, "eps_rel": 1e-11, "max_iter": 40}}}
+"""Much nearer than that, and no more iterations than a program takes that has a solution."""
+_PRESSES = 1e-7
+"""In units of the program: what is pressed against a bound by more does not leave it."""
 
 Outcome = tuple[np.ndarray, float, np.ndarray, np.ndarray, dict[str, Any]]
 """Of a search; see there."""
@@ -41,22 +49,70 @@ def search(
 ) -> Outcome:
     """Unknowns, cost, multipliers of the constraints, what the cost would be less by if each unknown and then each constraint came to the bound that it is
     pressed against, and what the solver says of its search. `begin` (n,): where it begins, if not at the program's guess; `bounds` (2, n): those of the unknowns, if not the program's; `solvers`: those that were made, which
-    are used again.
+    are used again. Where `plugin` solves quadratic programs, and these lead to no least cost, ipopt with the `options` searches for it.
     """
-    made, key = {} if solvers is None else solvers, (program, warm, repr(sorted(options.items())))
+    made, steps, key = {} if solvers is None else solvers, 0, (program, warm, repr(sorted(options.items())))
+    (least, most), (lower, upper) = program.bounds if bounds is None else bounds, program.limits
+    given = {"x0": np.clip(program.guess if begin is None else begin, least, most)}
+    given |= {"lbx": least, "ubx": most, "lbg": lower, "ubg": upper}
     try:
         if key not in made:
-            made[key] = program.solver(plugin, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
-        solver = made[key]
+            made[key] = program.solver(IPOPT, {**ipopt_options(warm=warm), **options, "error_on_fail": False})
     except RuntimeError as refused:
-        raise OptionError(f"solve: {plugin} does not take these options: {options}. {str(refused).splitlines()[-1]}") from None
-    (least, most), (lower, upper) = program.bounds if bounds is None else bounds, program.limits
-    found = solver(x0=np.clip(program.guess if begin is None else begin, least, most), lbx=least, ubx=most, lbg=lower, ubg=upper)
+        raise OptionError(f"solve: {IPOPT} does not take these options: {options}. {str(refused).splitlines()[-1]}") from None
+    if plugin != IPOPT:
+        found, least_cost = _by_steps(program, plugin, given, made)
+        if least_cost or found[-1]["return_status"] == INTERRUPTED:
+            return found
+        steps = int(found[-1]["iter_count"])
+    w, cost, factors, gaps, stats = _found(program, made[key], given)[0]
+    return w, cost, factors, gaps, {**stats, "iter_count": stats["iter_count"] + steps}
+
+
+def _by_steps(program: Program, plugin: str, given: dict[str, np.ndarray], made: dict[Any, ca.Function]) -> tuple[Outcome, bool]:
+    """By one quadratic program after the other; and whether that is a least cost."""
+    if (program, plugin) not in made:
+        made[program, plugin] = program.solver("sqpmethod", _sqp_options(plugin))
+    try:
+        found, loose = _found(program, made[program, plugin], given)
+    except RuntimeError as stopped:
+        if "KeyboardInterrupt" not in str(stopped):
+            raise
+        w, stats = given["x0"], {"success": False, "return_status": INTERRUPTED, "iter_count": 0}
+        cost = float(program.values(w)[0]) * program.unit
+        return (w, cost, np.zeros(program.rows), np.zeros(w.size + program.rows), stats), False
+    w, _, factors, gaps, stats = found  # what presses from the wrong side still counts as success there
+    meets = stats["success"] and np.max(gaps, initial=0.0) < _NEARLY_FLAT * program.unit
+    return found, meets and not program.bent_downwards(w, factors, loose)
+
+
+def _found(program: Program, solver: ca.Function, given: dict[str, np.ndarray]) -> tuple[Outcome, np.ndarray]:
+    """And which unknowns and then which constraints may move."""
+    found = solver(**given)
     w, g, of_bounds, of_rows = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))
+    lower, upper = (np.append(given[f"{side}x"], given[f"{side}g"]) for side in ("lb", "ub"))
     pressed = np.append(of_bounds, of_rows)
-    bound = np.where(pressed > 0, np.append(most, upper), np.append(least, lower))
-    gaps = np.abs(np.where(np.isfinite(bound), pressed, 0.0) * np.where(np.isfinite(bound), bound - np.append(w, g), 0.0))
-    return w, float(found["f"]) * program.unit, of_rows, gaps * program.unit, solver.stats()
+    bound = np.where(pressed > 0, upper, lower)
+    with np.errstate(over="ignore", invalid="ignore"):  # of what ran away
+        gaps = np.abs(np.where(np.isfinite(bound), pressed, 0.0) * np.where(np.isfinite(bound), bound - np.append(w, g), 0.0))
+    loose = (np.abs(pressed) < _PRESSES) & (lower < upper)
+    return (w, float(found["f"]) * program.unit, of_rows, gaps * program.unit, solver.stats()), loose
+
+
+def _sqp_options(plugin: str) -> dict[str, Any]:
+    """Quiet, and by the exact curvature: where that is not convex, ipopt goes on."""
+    quiet = (
+        "print_time",
+        "print_header",
+        "print_iteration",
+        "print_status",
+        "show_eval_warnings",
+        "inputs_check",
+        "error_on_fail",
+    )
+    inside = {**_QP_OPTIONS[plugin], "error_on_fail": False}
+    steps = {"qpsol": plugin, "qpsol_options": inside, "max_iter": _STEPS, "tol_pr": _TOLERANCE, "tol_du": _NEARLY_FLAT}
+    return {**dict.fromkeys(quiet, False), **steps}
 
 
 def ipopt_options(*, warm: bool, known: bool = False) -> dict[str, Any]:

@@ -17,10 +17,13 @@ import numpy as np
 from acausal.optimal_control.lanes import plainly
 from acausal.optimal_control.smooth import Smooth
 
+IPOPT = "ipopt"
 COST, NOWHERE = -1, -2
 """The row of what is minimised, and that of values which are not used."""
 _FLAT = 1e-9
 """Of the slope of the cost one unit beside the guess: what it is at the guess by rounding alone."""
+_SOFT = 1e-6
+"""In units of the program: a curvature that is none yet, and by how much a row gives way that holds."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,14 +136,35 @@ class Program:
         """`casadi.nlpsol` with these derivatives."""
         w = ca.MX.sym("w", self.size)
         cost, rows = self.of_cost()._values(w)[0], self._values(w)[1]
-        solver = ca.nlpsol("program", plugin, {"x": w, "f": cost, "g": rows}, {**self.derivatives, **options})
+        derivatives = self.derivatives if plugin == IPOPT else self._of_steps
+        solver = ca.nlpsol("program", plugin, {"x": w, "f": cost, "g": rows}, {**derivatives, **options})
         solver.of = self  # type: ignore[attr-defined]  # what functions call lives as long as it does
         return solver
 
     @functools.cached_property
     def derivatives(self) -> dict[str, ca.Function]:
-        """Of cost and constraints, and of the Lagrangian, as `casadi.nlpsol` takes them."""
+        """Of cost and constraints, and of the Lagrangian, as ipopt takes them."""
         return {"grad_f": self._gradient, "jac_g": self._jacobian, "hess_lag": self._hessian}
+
+    @functools.cached_property
+    def _of_steps(self) -> dict[str, ca.Function]:
+        """The same, as steps of quadratic programs take them."""
+        w, p, of_cost, of_rows = ca.MX.sym("w", self.size), ca.MX.sym("p", 0), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.rows)
+        first = [*self._gradient(w, p), *self._jacobian(w, p)]
+        curvature = ca.triu2symm(self._hessian(w, p, of_cost, of_rows))
+        return {
+            "jac_fg": ca.Function("jac_fg", [w, p], first, ["x", "p"], ["f", "jac_f_x", "g", "jac_g_x"]),
+            "hess_lag": ca.Function("hess_lag", [w, p, of_cost, of_rows], [curvature]),
+        }
+
+    def bent_downwards(self, w: np.ndarray, factors: np.ndarray, loose: np.ndarray) -> bool:
+        """Whether the Lagrangian with these multipliers of the rows is less, to second order, beside w, where the unknowns and then the rows that are `loose` (n + rows,) may
+        move: by the inertia of its matrix (Nocedal and Wright, theorem 16.3).
+        """
+        H, J = ca.triu2symm(self._hessian(w, [], 1.0, factors)), self._jacobian(w, [])[1]
+        held, apart = (ca.diag(ca.DM(np.where(free, _SOFT, 1 / _SOFT))) for free in (loose[: self.size], ~loose[self.size :]))
+        pivots = ca.ldl(ca.sparsify(ca.blockcat([[H + held, J.T], [J, -apart]])))[0]
+        return bool(np.sum(np.array(pivots) < 0) > self.rows)
 
     @functools.cached_property
     def _cost_alone(self) -> Program:
