@@ -23,6 +23,7 @@ from acausal.optimal_control.lanes import Lanes, mapped, plainly
 from acausal.optimal_control.mesh import Mesher
 from acausal.optimal_control.search import search
 from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
+from acausal.optimal_control.staged import staged
 from acausal.optimal_control.whole import whole
 from acausal.simulate.trajectory import Trajectory
 from components import (
@@ -1010,16 +1011,53 @@ def a_swing_up_of_a_cart_pole() -> ac.OptimalControl:
 
 
 @pytest.mark.parametrize("problem", [up_with_bounded_reactions, a_turn_of_a_four_bar, a_swing_up_of_a_cart_pole])
-def test_steps_of_quadratic_programs_find_what_ipopt_finds(problem: Callable[[], ac.OptimalControl]) -> None:
-    """On a mesh twice as fine, whether these lead there or it has to be ipopt; and from that on another one, in few steps."""
+def test_other_solvers_find_what_ipopt_finds(problem: Callable[[], ac.OptimalControl]) -> None:
+    """On a mesh twice as fine, whether steps of quadratic programs lead there or it has to be ipopt; and from that on another one, in few steps."""
     ocp = problem()
-    near = ocp.solve(12, refinements=0)
+    near, most = ocp.solve(12, refinements=0), {"fatrop": 40, "piqp": 10}
     for intervals in (24, 31):
         ocp.guess(near)
-        near, best = (ocp.solve(intervals, solver=solver, refinements=0) for solver in ("ipopt", "piqp"))
-        assert best.cost == pytest.approx(near.cost, rel=1e-7)
-        assert np.allclose(best.x, near.x, rtol=0, atol=1e-4 * np.ptp(near.x))
-    assert best.iterations < 10
+        near, *found = (ocp.solve(intervals, solver=solver, refinements=0) for solver in ("ipopt", *most))
+        for best in found:
+            assert best.cost == pytest.approx(near.cost, rel=1e-7)
+            assert np.allclose(best.x, near.x, rtol=0, atol=1e-4 * np.ptp(near.x))
+    assert all(best.iterations < least for best, least in zip(found, most.values(), strict=True))
+
+
+@pytest.mark.parametrize("problem", [up_with_bounded_reactions, a_turn_of_a_four_bar, a_swing_up_of_a_cart_pole])
+@pytest.mark.parametrize(("intervals", "controls"), [(5, "free"), (8, "constant")])
+def test_a_program_in_stages_is_the_same_program(problem: Callable[[], ac.OptimalControl], intervals: int, controls: str) -> None:
+    """The same cost and constraints anywhere, rows that carry on what intervals begin with are met, and each stage knows its own and that before alone."""
+    program = whole([problem().part(Mesher(intervals, 5, controls, "fatrop"))], []).program
+    assert program.stages is not None
+    found = staged(program, program.stages)
+    assert found is not None
+    w = program.guess + np.random.default_rng(0).normal(size=program.size)
+    (cost, rows), (own, all_rows) = program.values(w), found.program.values(w[found.sources])
+    assert float(own) == pytest.approx(float(cost), rel=1e-12)
+    more = np.array(all_rows).ravel()
+    assert np.allclose(more[found.rows], np.array(rows).ravel(), rtol=1e-12, atol=1e-12)
+    assert np.allclose(np.delete(more, found.rows), 0.0, atol=1e-12)
+    width, sizes = found.sizes["nx"][0] + found.sizes["nu"][0], found.sizes
+    count = np.add(sizes["ng"], [*sizes["nx"][1:], 0])
+    i, j = (np.array(part) for part in found.program.derivatives["jac_g"].sparsity_out(1).get_triplet())
+    at, ahead = np.repeat(np.arange(count.size), count)[i], j // width
+    carried = np.isin(i, found.rows, invert=True)
+    assert np.all((ahead == at) | (carried & (ahead == at + 1) & (j % width < sizes["nx"][0])))
+
+
+def test_what_reaches_over_all_intervals_is_left_to_ipopt() -> None:
+    """The mean of a torque."""
+    scene = Pendulum()
+    ocp = ac.OptimalControl(ac.build(scene), 1.5)
+    ocp.start({scene.hinge.q: 0.0})
+    ocp.end({scene.hinge.q: 1.0, scene.hinge.v: 0.0})
+    ocp.bound(ac.integral(scene.torque), upper=2.0)
+    ocp.minimise(ac.integral(scene.torque**2))
+    program = whole([ocp.part(Mesher(6, 5, "free", "fatrop"))], []).program
+    assert program.stages is not None and staged(program, program.stages) is None
+    ipopt, other = (ocp.solve(6, solver=solver, refinements=0) for solver in ("ipopt", "fatrop"))
+    assert other.cost == ipopt.cost and other.iterations == ipopt.iterations
 
 
 @pytest.mark.parametrize("seed", range(20))
@@ -1097,7 +1135,7 @@ def test_a_periodic_motion_ends_as_it_began() -> None:
         (lambda s, m: ac.integral(s.force) + cast(Any, "a"), "must be a finite number, not 'a'"),
         (lambda s, m: ac.OptimalControl(m, 1.0).optimise(s.force, 0, 1), "is no parameter"),
         (lambda s, m: ac.OptimalControl(m, 1.0).at(1.5, {s.rail.q: 0}), "between 0 and 1"),
-        (lambda s, m: ac.OptimalControl(m, 1.0).solve(solver="snopt"), "no solver 'snopt'. Use 'ipopt', 'piqp'."),
+        (lambda s, m: ac.OptimalControl(m, 1.0).solve(solver="snopt"), "no solver 'snopt'. Use 'ipopt', 'fatrop', 'piqp'."),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(order=4), "odd order"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(order=1, controls="linear"), "a line needs two"),
         (lambda s, m: ac.OptimalControl(m, 1.0).solve(controls="spline"), "'free', 'constant' or 'linear'"),

@@ -8,7 +8,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from acausal.optimal_control.asked import CONSTANT
@@ -97,7 +96,7 @@ class Searches:
     def __init__(self, links: Sequence[Link], plugin: str, options: dict[str, Any]) -> None:
         self._links, self._plugin, self._options = links, plugin, options
         self._iterations, self._seconds, self.work = 0, 0.0, 0
-        self._solvers: dict[Any, ca.Function] = {}  # of what begins elsewhere
+        self._solvers: dict[Any, Any] = {}  # of what begins elsewhere
 
     def found(self, attempt: Attempt) -> Found:
         """With all iterations."""

@@ -13,10 +13,10 @@ from acausal.arguments import whole_number
 from acausal.collocation.tableau import Tableau, radau_iia
 from acausal.errors import OptionError
 from acausal.optimal_control.asked import CONSTANT, FREE, LINEAR
-from acausal.optimal_control.separable import IPOPT
+from acausal.optimal_control.separable import FATROP, IPOPT
 
-_PLUGINS = (IPOPT, "piqp")
-"""Ipopt, and what solves quadratic programs step by step."""
+_PLUGINS = (IPOPT, FATROP, "piqp")
+"""Ipopt, what eliminates one interval after the other, and what solves quadratic programs step by step."""
 _APART = 1e-9
 """Places that are nearer to each other are one."""
 _ROOM = 0.45

@@ -212,8 +212,8 @@ class OptimalControl:
         """The best motion near the guess, or near the best of several.
 
         `intervals`: of the first mesh; intervals whose replay is off by more than `tolerance`, relative to what each state varies by, are divided up to
-        `refinements` times, and not where that would cost much more than ten seconds for each of them. `order`: odd, of Radau collocation. `controls`: "free" (a polynomial in each interval), "constant" in each, or "linear" in each and continuous. `solver`: "ipopt"; "piqp"
-        solves quadratic programs one after the other with exact curvatures, and leaves it to ipopt where these lead to no least cost. `options`: of CasADi's `ipopt`. `guesses`: so many other paths are tried at first, and the best is kept, where `guess` was not said, motions are not linear, and that is cheap.
+        `refinements` times, and not where that would cost much more than ten seconds for each of them. `order`: odd, of Radau collocation. `controls`: "free" (a polynomial in each interval), "constant" in each, or "linear" in each and continuous. `solver`: "ipopt"; "fatrop"
+        eliminates one interval after the other, "piqp" solves quadratic programs one after the other with exact curvatures; where these lead to no least cost, or nothing is in stages, ipopt searches. `options`: of CasADi's `ipopt`. `guesses`: so many other paths are tried at first, and the best is kept, where `guess` was not said, motions are not linear, and that is cheap.
         Raises `OptimalControlError` with the last iterate where none is found.
         """
         part = self.part(Mesher(intervals, order, controls, solver))

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from acausal.errors import OptionError
-from acausal.optimal_control.separable import IPOPT, Program
+from acausal.optimal_control.separable import FATROP, IPOPT, Program
+from acausal.optimal_control.staged import staged
 
 CONVERGED = "Solve_Succeeded"
 """What ipopt says where all holds to its tolerance; what is nearly as good is a success, too."""
@@ -45,7 +45,7 @@ def search(
     warm: bool,
     begin: np.ndarray | None = None,
     bounds: np.ndarray | None = None,
-    solvers: dict[Any, ca.Function] | None = None,
+    solvers: dict[Any, Any] | None = None,
 ) -> Outcome:
     """Unknowns, cost, multipliers of the constraints, what the cost would be less by if each unknown and then each constraint came to the bound that it is
     pressed against, and what the solver says of its search. `begin` (n,): where it begins, if not at the program's guess; `bounds` (2, n): those of the unknowns, if not the program's; `solvers`: those that were made, which
@@ -61,7 +61,7 @@ def search(
     except RuntimeError as refused:
         raise OptionError(f"solve: {IPOPT} does not take these options: {options}. {str(refused).splitlines()[-1]}") from None
     if plugin != IPOPT:
-        found, least_cost = _by_steps(program, plugin, given, made)
+        found, least_cost = _otherwise(program, plugin, given, made)
         if least_cost or found[-1]["return_status"] == INTERRUPTED:
             return found
         steps = int(found[-1]["iter_count"])
@@ -69,24 +69,46 @@ def search(
     return w, cost, factors, gaps, {**stats, "iter_count": stats["iter_count"] + steps}
 
 
-def _by_steps(program: Program, plugin: str, given: dict[str, np.ndarray], made: dict[Any, ca.Function]) -> tuple[Outcome, bool]:
-    """By one quadratic program after the other; and whether that is a least cost."""
+def _otherwise(program: Program, plugin: str, given: dict[str, np.ndarray], made: dict[Any, Any]) -> tuple[Outcome, bool]:
+    """By stages, or one quadratic program after the other; and whether that is a least cost."""
     if (program, plugin) not in made:
-        made[program, plugin] = program.solver("sqpmethod", _sqp_options(plugin))
+        made[program, plugin] = _InStages(program) if plugin == FATROP else program.solver("sqpmethod", _sqp_options(plugin))
     try:
         found, loose = _found(program, made[program, plugin], given)
     except RuntimeError as stopped:
-        if "KeyboardInterrupt" not in str(stopped):
-            raise
-        w, stats = given["x0"], {"success": False, "return_status": INTERRUPTED, "iter_count": 0}
+        status = INTERRUPTED if "KeyboardInterrupt" in str(stopped) else str(stopped)
+        w, stats = given["x0"], {"success": False, "return_status": status, "iter_count": 0}
         cost = float(program.values(w)[0]) * program.unit
         return (w, cost, np.zeros(program.rows), np.zeros(w.size + program.rows), stats), False
     w, _, factors, gaps, stats = found  # what presses from the wrong side still counts as success there
-    meets = stats["success"] and np.max(gaps, initial=0.0) < _NEARLY_FLAT * program.unit
+    meets = stats["success"] and np.max(gaps, initial=0.0) < NEARLY * program.unit
     return found, meets and not program.bent_downwards(w, factors, loose)
 
 
-def _found(program: Program, solver: ca.Function, given: dict[str, np.ndarray]) -> tuple[Outcome, np.ndarray]:
+class _InStages:
+    """A solver of a program that eliminates one stage after the other. Raises `RuntimeError` where it has none."""
+
+    def __init__(self, program: Program) -> None:
+        self._staged = None if program.stages is None else staged(program, program.stages)
+        if self._staged is None:
+            return
+        options = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False, "inputs_check": False}
+        inside = {"print_level": 0, "max_iter": _NEAR, "tolerance": _TOLERANCE}
+        self._solver = self._staged.program.solver(FATROP, {**options, **self._staged.sizes, "fatrop": inside})
+
+    def __call__(self, **given: np.ndarray) -> dict[str, Any]:
+        if self._staged is None:
+            raise RuntimeError("no stages")
+        return self._staged.results(self._solver(**self._staged.arguments(given)))
+
+    def stats(self) -> dict[str, Any]:
+        """In words of ipopt."""
+        said = self._solver.stats()
+        status = CONVERGED if said["success"] else "Search_Direction_Becomes_Too_Small"
+        return {"success": said["success"], "return_status": status, "iter_count": said["iter_count"]}
+
+
+def _found(program: Program, solver: Any, given: dict[str, np.ndarray]) -> tuple[Outcome, np.ndarray]:
     """And which unknowns and then which constraints may move."""
     found = solver(**given)
     w, g, of_bounds, of_rows = (np.array(found[name]).ravel() for name in ("x", "g", "lam_x", "lam_g"))

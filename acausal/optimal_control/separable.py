@@ -17,7 +17,7 @@ import numpy as np
 from acausal.optimal_control.lanes import plainly
 from acausal.optimal_control.smooth import Smooth
 
-IPOPT = "ipopt"
+IPOPT, FATROP = "ipopt", "fatrop"
 COST, NOWHERE = -1, -2
 """The row of what is minimised, and that of values which are not used."""
 _FLAT = 1e-9
@@ -73,6 +73,10 @@ class Term:
         return ca.vec(self._at_places[name](*arguments))
 
 
+Stages = tuple[np.ndarray, int]
+"""Unknowns that are states where intervals end (intervals, nx), and the first one of those that count all the time; from 0 on are states at the start, then all of each interval."""
+
+
 @dataclass(frozen=True, eq=False)
 class Program:
     """Minimise `cost` . w + terms subject to lower <= `linear` w + terms <= upper, least <= w <= most.
@@ -90,6 +94,8 @@ class Program:
     """Of the cost."""
     sizes: np.ndarray | float = 1.0
     """By which the rows were multiplied to be in balance (rows,)."""
+    stages: Stages | None = None
+    """Where it is that of one phase."""
 
     @staticmethod
     def joined(programs: Sequence[Program]) -> Program:
@@ -106,13 +112,14 @@ class Program:
         return Program(
             terms, (a, b, values), np.concatenate([one.cost for one in programs]), np.hstack([one.limits for one in programs]),
             np.hstack([one.bounds for one in programs]), np.concatenate([one.guess for one in programs]),
+            stages=programs[0].stages if len(programs) == 1 else None,
         )  # fmt: skip
 
     def extended(self, guess: np.ndarray, bounds: np.ndarray, term: Term, limits: np.ndarray) -> Program:
         """With more unknowns, and a term with rows of its own."""
         return replace(
             self, terms=[*self.terms, term], cost=np.append(self.cost, np.zeros(guess.size)), limits=np.hstack([self.limits, limits]),
-            bounds=np.hstack([self.bounds, bounds]), guess=np.append(self.guess, guess),
+            bounds=np.hstack([self.bounds, bounds]), guess=np.append(self.guess, guess), stages=None,
         )  # fmt: skip
 
     def tied(self, rows: np.ndarray, columns: np.ndarray, values: np.ndarray) -> Program:
@@ -136,7 +143,7 @@ class Program:
         """`casadi.nlpsol` with these derivatives."""
         w = ca.MX.sym("w", self.size)
         cost, rows = self.of_cost()._values(w)[0], self._values(w)[1]
-        derivatives = self.derivatives if plugin == IPOPT else self._of_steps
+        derivatives = self.derivatives if plugin == IPOPT else {"cache": self._cached} if plugin == FATROP else self._of_steps
         solver = ca.nlpsol("program", plugin, {"x": w, "f": cost, "g": rows}, {**derivatives, **options})
         solver.of = self  # type: ignore[attr-defined]  # what functions call lives as long as it does
         return solver
@@ -156,6 +163,21 @@ class Program:
             "jac_fg": ca.Function("jac_fg", [w, p], first, ["x", "p"], ["f", "jac_f_x", "g", "jac_g_x"]),
             "hess_lag": ca.Function("hess_lag", [w, p, of_cost, of_rows], [curvature]),
         }
+
+    @property
+    def _cached(self) -> dict[str, ca.Function]:
+        """The same, by names under which CasADi's fatrop looks for them."""
+        w, p, of_cost, of_rows = ca.MX.sym("w", self.size), ca.MX.sym("p", 0), ca.MX.sym("lam_f"), ca.MX.sym("lam_g", self.rows)
+        slope, (rows, J) = self._gradient(w, p)[1], self._jacobian(w, p)
+        second = [of_cost * slope + J.T @ of_rows, ca.triu2symm(self._hessian(w, p, of_cost, of_rows))]
+        made = (
+            ca.Function("nlp_grad_f", [w, p], [slope], ["x", "p"], ["grad_f_x"]),
+            ca.Function("nlp_jac_g", [w, p], [rows, J], ["x", "p"], ["g", "jac_g_x"]),
+            ca.Function(
+                "nlp_hess_l", [w, p, of_cost, of_rows], second, ["x", "p", "lam_f", "lam_g"], ["grad_gamma_x", "hess_gamma_x_x"]
+            ),
+        )
+        return {one.name(): one for one in made}
 
     def bent_downwards(self, w: np.ndarray, factors: np.ndarray, loose: np.ndarray) -> bool:
         """Whether the Lagrangian with these multipliers of the rows is less, to second order, beside w, where the unknowns and then the rows that are `loose` (n + rows,) may

@@ -116,6 +116,7 @@ def transcribe(asked: Asked, mesh: Mesh, guess: Guess, units: np.ndarray) -> Tra
         np.array([rows.lower, rows.upper]),
         bounds / size,
         w / size,
+        stages=(layout.places[:, -1, : stage.sizes[0]], layout.tail),
     )
     return Transcribed(asked, mesh, plain, size, layout.places, rows.labels)
 
