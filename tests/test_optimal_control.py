@@ -17,7 +17,6 @@ from scipy.optimize import brentq, minimize
 import acausal as ac
 from acausal.errors import AccuracyWarning, OptimalControlError, OptionError
 from acausal.optimal_control import attempts, solving
-from acausal.optimal_control import search as searching
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.lanes import Lanes, mapped, plainly
 from acausal.optimal_control.mesh import Mesher
@@ -1379,18 +1378,6 @@ def test_an_input_without_effect_is_said() -> None:
     scene.idle = ac.Input("N")
     with pytest.raises(OptionError, match="The input idle has no effect on the motion"):
         rest_to_rest(ac.build(scene), scene, 1.0).solve(4)
-
-
-def test_quadratic_programs_that_are_interrupted_are_said_to_be(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C in the midst of these hands over where they began."""
-    monkeypatch.setattr(searching, "_STEPS", 10**6)
-    monkeypatch.setattr(searching, "_NEARLY_FLAT", 1e-40)
-    program = whole([a_swing_up_of_a_cart_pole().part(Mesher(100, 5, "free", "piqp"))], []).program
-    search(program, "ipopt", {"ipopt.max_iter": 0}, warm=False)  # made before
-    threading.Timer(0.3, _thread.interrupt_main).start()
-    w, *_, stats = search(program, "piqp", {}, warm=False)
-    assert stats["return_status"] == searching.INTERRUPTED and not stats["success"]
-    assert np.array_equal(w, np.clip(program.guess, *program.bounds))
 
 
 def test_an_interrupted_search_hands_over_its_iterate(monkeypatch: pytest.MonkeyPatch) -> None:
