@@ -171,7 +171,8 @@ def ours(make: Callable[[], ac.OptimalControl], intervals: int) -> tuple[Row, Pa
     iterations = int(solver.stats()["iter_count"])
     again = program.solver("ipopt", {**ipopt_options(warm=True, known=True), "error_on_fail": False})
     aside = np.zeros(program.size)
-    aside[: part.asked.stage.functions.space.nq] = _ASIDE
+    nq = part.asked.stage.functions.space.nq
+    aside[:nq] = _ASIDE / part.units[:nq]
     warm = {"x0": found["x"], "lam_x0": found["lam_x"], "lam_g0": found["lam_g"], "lbg": lower, "ubg": upper}
     _, seconds = least(lambda: again(lbx=low + aside, ubx=high + aside, **warm))
     stats = again.stats()
