@@ -25,6 +25,7 @@ from acausal.optimal_control.separable import COST, NOWHERE, Program, Term
 from acausal.optimal_control.staged import staged
 from acausal.optimal_control.whole import whole
 from acausal.simulate.trajectory import Trajectory
+from benchmarks.optimal_control import cart_pole
 from components import (
     Fixed,
     Force,
@@ -217,10 +218,10 @@ def test_a_point_is_differentiated_once_for_all_meshes() -> None:
     assert point(loose) is point(replace(loose, loose=(1, 3))) is not point(part.mesh)
 
 
-def rest_to_rest(model: ac.Model, scene: Sledge, time: float | ac.free) -> ac.OptimalControl:
+def rest_to_rest(model: ac.Model, scene: Sledge, time: float | ac.free, size: float = 1.0) -> ac.OptimalControl:
     ocp = ac.OptimalControl(model, time)
     ocp.start({scene.rail.q: 0.0})
-    ocp.end({scene.rail.q: 1.0, scene.rail.v: 0.0})
+    ocp.end({scene.rail.q: size, scene.rail.v: 0.0})
     return ocp
 
 
@@ -274,9 +275,7 @@ def test_forces_that_are_lines_keep_their_bounds_from_the_start_on() -> None:
 def test_least_time_with_bounded_force(size: float) -> None:
     """Full force, then full brake: 2 sqrt(distance / force), in any units."""
     scene = Sledge()
-    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.5, 8))
-    ocp.start({scene.rail.q: 0.0})
-    ocp.end({scene.rail.q: size, scene.rail.v: 0.0})
+    ocp = rest_to_rest(ac.build(scene), scene, ac.free(0.5, 8), size)
     ocp.bound(scene.force, -size, size)
     ocp.minimise(ocp.duration)
     best = ocp.solve(10, controls="constant")
@@ -308,9 +307,7 @@ def test_nodes_move_to_where_a_force_switches(size: float, of: float, controls: 
     far from it is; and is the same where expressions (`of` times a variable) are bounded.
     """
     scene = Sledge()
-    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.5, 8))
-    ocp.start({scene.rail.q: 0.0})
-    ocp.end({scene.rail.q: size, scene.rail.v: 0.0})
+    ocp = rest_to_rest(ac.build(scene), scene, ac.free(0.5, 8), size)
     ocp.bound(scene.force if of == 1 else of * scene.force, -of * size, of * size)
     ocp.bound(scene.rail.v if of == 1 else of * scene.rail.v, upper=0.7 * of * size)
     ocp.minimise(ocp.duration)
@@ -643,9 +640,7 @@ def test_forces_that_are_best_at_their_bounds_say_what_a_mesh_leaves_of_them(tim
 def test_a_search_that_begins_at_what_was_found_ends_soon(size: float) -> None:
     """On the same mesh, where forces and a speed are at their bounds: within a few steps, and at the same cost."""
     scene = Sledge()
-    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.1, 10))
-    ocp.start({scene.rail.q: 0.0})
-    ocp.end({scene.rail.q: size, scene.rail.v: 0.0})
+    ocp = rest_to_rest(ac.build(scene), scene, ac.free(0.1, 10), size)
     ocp.bound(scene.force, -size, size)
     ocp.bound(scene.rail.v, -0.7 * size, 0.7 * size)
     ocp.minimise(ocp.duration)
@@ -714,12 +709,7 @@ def test_bounds_are_named_by_what_stands_in_them() -> None:
 @pytest.mark.parametrize("solver", ["ipopt", "piqp"])
 def test_a_cart_pole_swings_up_as_its_textbook_equations_say(solver: str) -> None:
     """The same collocation of the equations of textbooks, written by hand for `ca.Opti`."""
-    scene = CartPole()
-    ocp = ac.OptimalControl(ac.build(scene), 2.0)
-    ocp.start({scene.rail.q: 0.0, scene.hinge.q: 0.0})
-    ocp.end({scene.rail.q: 0.0, scene.hinge.q: np.pi, scene.rail.v: 0.0, scene.hinge.v: 0.0})
-    ocp.bound(scene.force, -20, 20)
-    ocp.minimise(ac.integral(scene.force**2))
+    ocp = cart_pole()
     best = ocp.solve(30, solver=solver, refinements=0)
     assert best.cost == pytest.approx(cart_pole_by_hand(30, best), rel=1e-8)
     fine = ocp.solve(30, solver=solver, tolerance=1e-8)
@@ -998,18 +988,7 @@ def a_turn_of_a_four_bar() -> ac.OptimalControl:
     return ocp
 
 
-def a_swing_up_of_a_cart_pole() -> ac.OptimalControl:
-    """In two seconds."""
-    scene = CartPole()
-    ocp = ac.OptimalControl(ac.build(scene), 2.0)
-    ocp.start({scene.rail.q: 0.0, scene.hinge.q: 0.0})
-    ocp.end({scene.rail.q: 0.0, scene.hinge.q: np.pi, scene.rail.v: 0.0, scene.hinge.v: 0.0})
-    ocp.bound(scene.force, -20, 20)
-    ocp.minimise(ac.integral(scene.force**2))
-    return ocp
-
-
-@pytest.mark.parametrize("problem", [up_with_bounded_reactions, a_turn_of_a_four_bar, a_swing_up_of_a_cart_pole])
+@pytest.mark.parametrize("problem", [up_with_bounded_reactions, a_turn_of_a_four_bar, cart_pole])
 def test_other_solvers_find_what_ipopt_finds(problem: Callable[[], ac.OptimalControl]) -> None:
     """On a mesh twice as fine, whether steps of quadratic programs lead there or it has to be ipopt; and from that on another one, in few steps."""
     ocp = problem()
@@ -1023,7 +1002,7 @@ def test_other_solvers_find_what_ipopt_finds(problem: Callable[[], ac.OptimalCon
     assert all(best.iterations < least for best, least in zip(found, most.values(), strict=True))
 
 
-@pytest.mark.parametrize("problem", [up_with_bounded_reactions, a_turn_of_a_four_bar, a_swing_up_of_a_cart_pole])
+@pytest.mark.parametrize("problem", [up_with_bounded_reactions, a_turn_of_a_four_bar, cart_pole])
 @pytest.mark.parametrize(("intervals", "controls"), [(5, "free"), (8, "constant")])
 def test_a_program_in_stages_is_the_same_program(problem: Callable[[], ac.OptimalControl], intervals: int, controls: str) -> None:
     """The same cost and constraints anywhere, rows that carry on what intervals begin with are met, and each stage knows its own and that before alone."""
