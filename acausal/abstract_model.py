@@ -379,3 +379,26 @@ class AbstractModel(ABC):
             inputs=signal,
             discretes=at.discretes(here.functions),
         )
+
+    def export_fmu(
+        self,
+        path: str | Path,
+        start: StartValues | None = None,
+        parameters: ParameterValues | None = None,
+        *,
+        outputs: Mapping[str, Expression] | None = None,
+        events: Sequence[when] = (),
+        inputs: InputValues | None = None,
+    ) -> Path:
+        """Write the model's motion as a unit for co-simulation (FMI 2.0), a file such as "arm.fmu" that other programs take; returns the file.
+
+        Parameters and start values (`start.hinge.q`) can be set there, inputs from one communication point to the next; `outputs`: expressions by names, else the
+        states. The rest is as for `export_simulator`. Needs a C compiler. See `acausal.export.fmu`.
+        """
+        from acausal.export.fmu import export_fmu
+
+        at = self._situation(start, None, inputs, parameters)
+        here = self._decided.at(at.p)
+        initial, signal = self._initial(here, at), at.signal(here.functions)
+        discretes = at.discretes(here.functions)
+        return export_fmu(here.functions, path, initial, outputs=outputs, events=events, inputs=signal, discretes=discretes)

@@ -14,6 +14,7 @@ import pytest
 import acausal as ac
 import components
 from acausal.errors import UnknownVariableError
+from acausal.export import fmu
 from acausal.language.connector import Connector
 from acausal.parts.joint import AbstractJoint
 from components import Coulomb, PointOnPlane, RigidBody, Spherical, TorqueSource, World
@@ -71,6 +72,7 @@ METHODS: dict[str, tuple[dict[str, Any], Callable[[Any], Any]]] = {
     "branches": ({"searches": 5}, lambda found: np.concatenate([state.x for state in found])),
     "assembly_function": ({}, lambda f: np.array(f([2.0, 0.3]))),
     "export_simulator": ({}, lambda folder: list((folder / "model.json").read_bytes())),
+    "export_fmu": ({}, lambda unit: list(unit.read_bytes())),
 }
 """With what else they are asked, and how an answer is read."""
 
@@ -83,19 +85,22 @@ def questions() -> Iterator[tuple[str, str]]:
 
 
 @pytest.mark.parametrize(("method", "argument"), list(questions()))
-def test_names_give_the_bits_of_what_they_name(method, argument, tmp_path):
+def test_names_give_the_bits_of_what_they_name(method, argument, tmp_path, monkeypatch):
+    monkeypatch.setattr(fmu, "_compiled", lambda sources, name: sources / "model.json")
     scene = Driven()
     model, more = ac.build(scene), METHODS[method][0]
     taken = inspect.signature(getattr(model, method)).parameters
     by_symbol = {key: value for key, value in given(scene).items() if key in taken}
     if method in ("trajectory_function", "assembly_function"):
         by_symbol["outputs"] = scene.rod.tip.position
-    if method == "export_simulator":
+    if method in ("export_simulator", "export_fmu"):
         by_symbol["outputs"] = {"tip": scene.rod.tip.position}
     by_name = by_symbol | {argument: named(model, by_symbol[argument])}
     answers: list[np.ndarray] = []
     for k, asked in enumerate((by_symbol, by_name)):
-        folder = {"folder": tmp_path / str(k)} if "folder" in taken else {}
+        (tmp_path / str(k)).mkdir()
+        folder = {"folder": tmp_path / str(k), "path": tmp_path / str(k) / "unit.fmu"}
+        folder = {name: place for name, place in folder.items() if name in taken}
         answers.append(np.array(METHODS[method][1](getattr(model, method)(**asked, **more, **folder))))
     assert answers[0].size and np.array_equal(*answers)
 

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import fmpy
 import numpy as np
 import pytest
 
@@ -17,7 +18,7 @@ import acausal as ac
 from acausal.abstract_model import AbstractModel
 from acausal.start.initial import InitialState
 from components import Gear, Particle, Revolute, RigidBody, Spherical, TorqueSource
-from tests.exported import program
+from tests.exported import compile_quickly, program
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage, chain
 
 
@@ -150,6 +151,15 @@ class Asked:
         words = [str(program(self.folder)), "0.3", "2", "1e-11"]
         return float(subprocess.run(words, check=True, capture_output=True, text=True).stdout.split(",")[-1])
 
+    def unit(self) -> float:
+        """What a unit for other programs gives last."""
+        follower = self.model.functions.outputs.system.flat.named(self.follower)
+        unit = self.model.export_fmu(self.folder / "unit", self.start, outputs={"follower": follower})
+        found = fmpy.simulate_fmu(
+            str(unit), stop_time=0.3, output_interval=0.3, relative_tolerance=1e-11, start_values={"push": 0.1}
+        )
+        return found["follower"][-1]
+
     def energy_in_c(self) -> float:
         return float(ac.load_c(self.model.export_c(self.folder))["kinetic_energy"](0, self.begin.x, 0.1, self.begin.p))
 
@@ -167,6 +177,7 @@ ANSWERS: dict[str, Callable[[Asked], Any]] = {
     "step": Asked.stepped,
     "export_c": Asked.energy_in_c,
     "export_simulator": Asked.exported,
+    "export_fmu": Asked.unit,
 }  # fmt: skip
 
 
@@ -178,12 +189,14 @@ SCENES = {GearedArms: "pivot.q", DrivenFourBar: "d.q"}
 EXPORTS = [
     pytest.param(GearedArms, "export_c", marks=pytest.mark.slow),
     pytest.param(DrivenFourBar, "export_simulator", marks=pytest.mark.slow),
+    pytest.param(GearedArms, "export_fmu", marks=pytest.mark.slow),
 ]
 
 
 @pytest.mark.parametrize(("make", "question"), [*((m, q) for m in SCENES for q in ANSWERS if q[:6] != "export"), *EXPORTS])
-def test_a_model_and_its_charts_answer_every_question_alike(make, question, tmp_path):
+def test_a_model_and_its_charts_answer_every_question_alike(make, question, tmp_path, monkeypatch):
     """States of the first scene are those that do not follow in closed form; of the second, all of a loop; a chart has the fewest."""
+    compile_quickly(monkeypatch)
     joint = "hinge" if make is GearedArms else "a"
     model, start = ac.build(make()), {f"{joint}.q": 0.4, f"{joint}.v": 0.5}
     minimal = model.minimal(start, prefer=list(start))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 
 import acausal as ac
 from tests.analysis_scenes import Motor, Top
+from tests.exported import compile_quickly
 from tests.scenes import DoublePendulum, FourBar
 from tests.test_elimination import upright_disk
 from tests.test_minimal import geared_motor, rolling_ball
@@ -40,13 +42,19 @@ def test_each_function_in_c_gives_what_it_gives_here(make: Callable[[], ac.Syste
 
 
 @pytest.mark.parametrize("make", [DoublePendulum, FourBar])
-def test_each_exporter_writes_what_its_text_names(make: Callable[[], ac.System], tmp_path: Path):
-    """Every method of a model that exports: it returns a folder, whose README names files that are there."""
+def test_each_exporter_writes_what_its_text_names(make: Callable[[], ac.System], tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """Every method of a model that exports: it returns a folder, whose README names files that are there; or a file, which is such a folder."""
+    compile_quickly(monkeypatch)
     model = ac.build(make())
     exporters = [name for name, _ in inspect.getmembers(type(model), inspect.isfunction) if name.startswith("export_")]
-    assert {"export_c", "export_simulator"} <= set(exporters)
+    assert {"export_c", "export_simulator", "export_fmu"} <= set(exporters)
     for name in exporters:
         folder = getattr(model, name)(tmp_path / name)
-        text = (folder / "README.txt").read_text(encoding="utf-8")
-        named = set(re.findall(r"\b[a-z_]+\.(?:c|h|json)\b", text))
+        if folder.is_file():
+            shutil.unpack_archive(folder, tmp_path / f"{name}_unpacked", "zip")
+            text = (tmp_path / f"{name}_unpacked" / "modelDescription.xml").read_text(encoding="utf-8")
+            folder = tmp_path / f"{name}_unpacked" / "sources"
+        else:
+            text = (folder / "README.txt").read_text(encoding="utf-8")
+        named = set(re.findall(r"\b[a-z0-9_]+\.(?:c|h|json)\b", text))
         assert named and all((folder / file).exists() for file in named), named
