@@ -64,14 +64,14 @@ class ModeFunctions:
     words: tuple[str, ...]
     discretes: int = 0
     set: SetFunctions | None = None
-    changes_index: bool = False
-    """Whether rows follow at once in some modes, and through states in others: then the last masks but for `discretes` say in which parts, see runtime/index.h."""
+    valves: int = 0
+    """How many of the first rows follow at once in some modes, and through states in others: of those masks behind the ones of magnitudes say in which parts, see runtime/index.h."""
 
     @property
     def masks(self) -> int:
         """How many there are."""
         friction = 2 * self.lines + 6 * self.planes + 8 * self.patches + 3 * self.magnitudes
-        index = self.changes_index * (1 + 2 * self.reactions**2)
+        index = 1 + 2 * self.valves**2 if self.valves else 0
         return self.one_sided + friction + self.redundant * (2 + 2 * self.reactions) + index + self.discretes
 
     @property

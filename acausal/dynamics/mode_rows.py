@@ -29,7 +29,7 @@ class Size:
 class ModeRow:
     """A law of `reactions`, one to three: one-sided, with what it keeps from closing for `moved` [m or rad], and `restitution`; or friction, where `moved` (as many)
     is the slip [m/s or rad/s], and `sliding` and `holding` are the limits [N or N*m]. `one_way`: one-sided, and `moved` is no gap but a speed;
-    `gate`: positive where that may close. `sizes`: which the limits depend on. `impact`: by which law of impact, see impacts.h; `back`: how much of a slip comes
+    `gate`: positive where that may close; `turns`: whether its law may be turned round, see `OneWay`. `sizes`: which the limits depend on. `impact`: by which law of impact, see impacts.h; `back`: how much of a slip comes
     back in one; `pressure`: of a patch, which has three reactions; `terms`: the sizes of what the gap is made of where it is read, as of places whose
     difference is a number.
     """
@@ -42,6 +42,7 @@ class ModeRow:
     holding: ca.SX | None = None
     one_way: bool = False
     gate: ca.SX | None = None
+    turns: bool = False
     sizes: tuple[Size, ...] = ()
     impact: int = 0
     back: ca.SX = field(default_factory=lambda: ca.SX(0))
@@ -150,7 +151,11 @@ def mode_rows(flat: FlatSystem, readings: Readings) -> tuple[ModeRow, ...]:
                 found.append(ModeRow(part, (law.reaction,), read(law.gap), bounce, impact=law.impact.kind, terms=terms))
             elif isinstance(law, OneWay):
                 gate = None if law.gate is None else read(law.gate)
-                found.append(ModeRow(part, (law.reaction,), read(law.speed), ca.SX(0), one_way=True, gate=gate))
+                found.append(
+                    ModeRow(
+                        part, (law.reaction,), read(law.speed), ca.SX(0), one_way=True, gate=gate, turns=law.turned() is not None
+                    )
+                )
             elif isinstance(law, DryFriction):  # pyright: ignore[reportUnnecessaryIsInstance]  # users give anything
                 slip, limits = ca.vec(read(law.slip)), (read(law.sliding), read(law.holding))
                 sizes = tuple(Size(symbol, read(symbol.of)) for symbol in _magnitudes(ca.vertcat(*limits)))

@@ -74,8 +74,9 @@ class Systems:
         """With M X = B, and its answers X (n, m): one system for each part of the rows that has nothing to do with others, but for small ones, which are solved here."""
         found, X = self, ca.SX.zeros(B.shape)
         for own, columns in _parts(M, B):
-            some = M[own, own], B[own, columns], None if damping is None else damping[own]
-            if len(own) <= (_FEW if damping is None else _FEW_DAMPED):
+            own_damping = None if damping is None or damping[own].is_zero() else damping[own]
+            some = M[own, own], B[own, columns], own_damping
+            if len(own) <= (_FEW if own_damping is None else _FEW_DAMPED):
                 X[own, columns] = _solved(*some)
             else:
                 found, X[own, columns] = found._with(active[own], *some)

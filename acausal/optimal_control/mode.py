@@ -120,10 +120,13 @@ class PhaseMode:
                 found += [float(word == "sticks"), {"slides +": 1.0, "slides -": -1.0}.get(word, 0.0)]
             else:
                 found += [float(word == "sticks"), float(word == "slides"), 0.0, 0.0, 0.0, 0.0]
+        masks = np.array([*found, *[0.0] * (len(modes.masks) - len(found))])  # nothing is carried on
         if modes.index is not None:  # what holds, by values: as it is
-            found += [0.0, *np.diag(found).ravel()]
-        found += [DAMPING] if modes.redundant else []
-        return np.array([*found, *[0.0] * (len(modes.masks) - len(found))])  # nothing is carried on
+            first = modes.masks.index(modes.index.later) + 1
+            masks[first : first + modes.valves**2] = np.diag(found[: modes.valves]).ravel()
+        if modes.damped is not None:
+            masks[modes.damped] = DAMPING
+        return masks
 
     def row(self, law: Law, x: ca.SX, rates: ca.SX, put: Callable[[ca.SX], ca.SX]) -> ca.SX:
         """What is off (n, 1): of accelerations where a law holds, of its reactions where not; by rates of states x, which are as they are `put`."""

@@ -10,10 +10,8 @@ from acausal.reduce.modes import Modes
 from acausal.reduce.reduce import ReducedSystem
 from acausal.reduce.state_space import StateSpace
 
-_NO_IMPACT = -1
-"""Of what has no rate, as `runtime/complementary.h` has it."""
 _NO_GAP = 8
-"""With others: of a speed that must not be negative."""
+"""With others: of a speed that must not be negative, as `runtime/complementary.h` has it."""
 
 _NO_TERMS = -1
 """Of what has no gap; those of a gap may be zero where it is."""
@@ -55,36 +53,39 @@ def mode_functions(
     size = [row.size for row in m.frictions]
     terms = ca.vertcat(ca.SX(0, 1), *(_NO_TERMS if row.one_way else row.terms for row in m.rows if row.one_sided))
     if m.index is not None:
-        terms = -ca.fmax(m.index.terms, _LEAST)  # of no gaps
+        terms = ca.vertcat(-ca.fmax(m.index.terms, _LEAST), terms[m.valves :, :])  # of no gaps
     decided = ca.vertcat(_decided_by(m, space), system.mechanics.kinetic_energy(), _magnitudes(m), _pressures(m), _index(m))
-    coming = Systems() if m.index is None else m.index.coming.with_operands(space.put)
+    coming = Systems() if m.index is None else m.index.systems.with_operands(space.put)
     return ModeFunctions(
         m.one_sided, size.count(1), size.count(2), size.count(3), len(m.magnitudes.sizes), m.redundant,
         Staged.of("mode_guards", [t, x, u, p], [ca.densify(space.put(m.guards))], systems, fold=False),
         Staged.of("decision", [t, x, u, p], [ca.densify(space.put(decided))], coming, fold=False),
         function("terms", terms),
-        invariants_of("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes, changes_index=m.index is not None,
+        invariants_of("mode_invariants", rows), masked("mode_projection", step), tuple(row.part.where for row in m.rows), discretes, valves=m.valves,
     )  # fmt: skip
 
 
 def _decided_by(m: Modes, space: StateSpace) -> ca.SX:
     """The column that modes.h reads."""
-    n = m.reactions.numel()
-    unknown = ca.vertcat(m.reactions, m.magnitudes.symbols)
-    none = ca.SX.zeros(unknown.numel())
-    limits: list[ca.SX] = []
-    for limit in _limits(m):
-        limits += [ca.substitute(limit, unknown, none), ca.vec(ca.jacobian(limit, m.reactions).T)]
+    limits = [part for limit in _limits(m) for part in _linear(m, limit)]
     bounce = ca.vertcat(ca.SX(0, 1), *(row.restitution for row in m.rows if row.restitution is not None))
-    response = ca.horzcat(*(space.kept(m.response[:, k]) for k in range(n)))
-    gaps = list(zip(m.rows[: m.one_sided], ca.vertsplit(m.rate)[: m.one_sided], strict=True))
-    kind = ca.SX(
-        [_NO_IMPACT if row.one_way and rate.is_zero() else row.impact + (_NO_GAP if row.one_way else 0) for row, rate in gaps]
-    )
+    response = ca.horzcat(*(space.kept(m.response[:, k]) for k in range(m.reactions.numel())))
+    _, response = _linear(m, response @ m.reactions)
+    kind = ca.SX([row.impact + (_NO_GAP if row.one_way and k >= m.valves else 0) for k, row in enumerate(m.rows[: m.one_sided])])
     back = ca.vertcat(ca.SX(0, 1), *(row.back for row in m.frictions))
-    free, compliance = (m.free, m.compliance) if m.index is None else (m.index.free, m.index.compliance)
-    parts = [m.gaps, m.rate, free, ca.vec(compliance.T), ca.vec(response.T), *limits, kind, back, bounce]
+    free, compliance = _linear(m, (m.free + m.compliance @ m.reactions)[m.valves :, :])
+    if m.index is not None:
+        free, compliance = ca.vertcat(m.index.free, free), ca.vertcat(ca.vec(m.index.compliance.T), compliance)
+    parts = [m.gaps, m.rate, free, compliance, response, *limits, kind, back, bounce]
     return ca.vertcat(*(ca.densify(part) for part in parts))
+
+
+def _linear(m: Modes, value: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """What is linear in reactions and magnitudes, without any, and by reactions, row by row; with those of valves as the others ask for them in the mode."""
+    if m.index is not None:
+        value = ca.substitute(value, m.reactions[: m.valves, :], m.index.solved)
+    unknown = ca.vertcat(m.reactions, m.magnitudes.symbols)
+    return ca.substitute(value, unknown, ca.SX.zeros(unknown.numel())), ca.vec(ca.jacobian(value, m.reactions).T)
 
 
 def _limits(m: Modes) -> tuple[ca.SX, ca.SX]:
@@ -99,8 +100,7 @@ def _magnitudes(m: Modes) -> ca.SX:
     if not m.magnitudes.sizes:
         return ca.SX(0, 1)
     forces = ca.vertcat(*(ca.vertcat(size.of, ca.SX.zeros(3 - size.of.numel())) for size in m.magnitudes.sizes))
-    none = ca.SX.zeros(m.reactions.numel())
-    parts = [ca.substitute(forces, m.reactions, none), ca.vec(ca.jacobian(forces, m.reactions).T)]
+    parts = [*_linear(m, forces)]
     parts += [ca.vec(ca.jacobian(limit, m.magnitudes.symbols).T) for limit in _limits(m)]
     return ca.vertcat(*(ca.densify(part) for part in parts))
 

@@ -11,9 +11,8 @@ inductors where it does not.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 
@@ -22,14 +21,14 @@ from acausal.errors import ModelError
 from acausal.language.expression import Mode
 from acausal.numerics.staged import Systems
 from acausal.numerics.terms import rounded
-from acausal.reduce.magnitudes import Magnitudes
-from acausal.reduce.modes import Modes, Motion, masks_of
+from acausal.reduce.motion import Motion
 
 
 @dataclass(frozen=True)
 class Index:
-    """What decides a mode: `free` (n, 1) and `compliance` (n, n), by reactions, of values after an implicit step of Euler's from here, `later` [s], a mask, before the time that is given; with
-    answers of `coming`. `values` M (n, n) and `rates` K (n, n): by reactions, here. `terms` (n, 1): the sizes of what h is made of."""
+    """What decides a mode of v valves among n reactions: `free` (v, 1) and `compliance` (v, n), by reactions, of values after an implicit step of Euler's from here, `later` [s], a mask, before the
+    time that is given. `values` M (v, v) and `rates` K (v, v): by their reactions, here. `terms` (v, 1): the sizes of what h is made of. `solved` (v, 1): reactions of valves in a mode, by those of
+    others. With answers of `systems`."""
 
     free: ca.SX
     compliance: ca.SX
@@ -37,57 +36,115 @@ class Index:
     rates: ca.SX
     later: Mode
     terms: ca.SX
-    coming: Systems
+    solved: ca.SX
+    systems: Systems
 
 
-def changes_index(rows: Sequence[ModeRow]) -> bool:
-    """Whether all that changes its mode are valves, whose values follow from reactions at once; in some modes, or where they are turned round, through states."""
-    reactions = ca.vertcat(*(reaction.sx for row in rows for reaction in row.reactions))
-    return any(row.turned for row in rows) or all(row.one_way and ca.depends_on(row.moved, reactions) for row in rows)
+@dataclass(frozen=True)
+class Valves:
+    """v rows, the first ones of n `reactions`: values y (v, 1) and their rates, by reactions, and without any, h and d; `values` M and `rates` K (v, n) by them. `holds` (v, 1): masks."""
 
+    rows: tuple[ModeRow, ...]
+    motion: Motion
+    reactions: ca.SX
+    holds: ca.SX
+    y: ca.SX
+    y_dot: ca.SX
+    h: ca.SX
+    d: ca.SX
+    values: ca.SX
+    rates: ca.SX
+    later: Mode
+    by_values: tuple[Mode, ...]
+    by_rates: tuple[Mode, ...]
 
-def modes_of_changing_index(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) -> Modes:
-    """Raises `ModelError` where something else than what goes one way changes its mode too, and for what is not linear in reactions."""
-    other = next((row for row in rows if not row.one_way), None)
-    if other is not None:
-        raise ModelError(f"{other.part.where} stands in one scene with valves whose currents follow from inductors.")
-    n = len(rows)
-    reactions = ca.vertcat(*(row.reaction.sx for row in rows))
-    y = ca.vertcat(*(row.moved for row in rows))
-    rate, J, M = motion.rate(y), ca.densify(ca.jacobian(motion.x_dot, reactions)), ca.jacobian(y, reactions)
-    K, none = ca.jacobian(rate, reactions), ca.SX.zeros(n)
-    if ca.depends_on(ca.veccat(J, M, K), reactions):
-        raise ModelError(
-            f"What {rows[0].part.where} and others hold back is not linear in their reactions, or changes with what moves."
+    @staticmethod
+    def of(rows: Sequence[ModeRow], motion: Motion, reactions: ca.SX, holds: ca.SX) -> Valves:
+        """Raises `ModelError` for what is not linear in reactions."""
+        y, v = ca.vertcat(ca.SX(0, 1), *(row.moved for row in rows)), len(rows)
+        rate, none = motion.rate(y), ca.SX.zeros(reactions.numel())
+        M, K = ca.jacobian(y, reactions), ca.jacobian(rate, reactions)
+        if ca.depends_on(ca.veccat(M, K), reactions):
+            raise ModelError(
+                f"What {rows[0].part.where} and others hold back is not linear in their reactions, or changes with what moves."
+            )
+        h, d = (ca.substitute(value, reactions, none) for value in (y, rate))
+        later = Mode("later", "so much later it is decided what goes on")
+        return Valves(
+            tuple(rows), motion, reactions, holds, y, rate, h, d, M, K, later, _matrix(v, "by_values"), _matrix(v, "by_rates")
         )
-    h, d, f = (ca.substitute(value, reactions, none) for value in (y, rate, motion.x_dot))
-    own = [masks_of(row, names) for row in rows]
-    holds = ca.vertcat(*(mask.holds.sx for mask in own))
-    later = Mode("later", "so much later it is decided what goes on")
-    values, rates = (_matrix(n, name) for name in ("by_values", "by_rates"))
-    P, Q = _of_modes(values, n), _of_modes(rates, n)
-    C, nx = ca.jacobian(h, motion.x), motion.x.numel()
-    coming, both = Systems().with_one(
-        ca.SX.ones(nx), ca.SX.eye(nx) - later.sx * ca.jacobian(f, motion.x), later.sx * ca.horzcat(f, J)
-    )
-    moved = C @ both
-    left = Q @ h  # of states, which P says nothing of
-    G = P @ M + Q @ K + ca.diag(1 - holds)
-    systems, both = Systems().with_one(holds, G, -ca.horzcat(P @ h + Q @ d, left))
-    found, pushes = ca.horzsplit(both)
-    left_open = ca.substitute(P @ y + Q @ rate, reactions, found)  # where units are far apart
-    systems, more = systems.with_one(holds, G, -holds * left_open)
-    found += more
-    apart = ca.substitute(y, reactions, found)
-    guards = [
-        (1 - holds[k]) * (apart[k] if row.turned else row.gated(apart[k], 1))
-        + holds[k] * (row.gated(found[k], 1) if row.turned else found[k])
-        for k, row in enumerate(rows)
-    ]
-    return Modes(
-        tuple(rows), (*(mask.holds for mask in own), later, *values, *rates), reactions, ca.SX.zeros(n), ca.densify(h), ca.densify(M), J, found,
-        ca.vertcat(*guards), ca.vertcat(ca.SX.zeros(n), left), J @ pushes, systems, None, Magnitudes((), ()), ca.SX(0, 1), Index(h + moved[:, 0], M + moved[:, 1:], ca.densify(M), ca.densify(K), later, ca.densify(rounded(h)), coming),
-    )  # fmt: skip
+
+    @property
+    def masks(self) -> tuple[Mode, ...]:
+        """But for `holds`."""
+        return (self.later, *self.by_values, *self.by_rates) if self.rows else ()
+
+    @property
+    def P(self) -> ca.SX:
+        """(v, v), by values."""
+        return _of_modes(self.by_values, len(self.rows))
+
+    @property
+    def Q(self) -> ca.SX:
+        """(v, v), by rates."""
+        return _of_modes(self.by_rates, len(self.rows))
+
+    @property
+    def matrix(self) -> ca.SX:
+        """(v, n): what holds, and what does not, by reactions."""
+        found = self.P @ self.values + self.Q @ self.rates
+        for i in range(len(self.rows)):
+            found[i, i] += 1 - self.holds[i]
+        return found
+
+    @property
+    def right(self) -> ca.SX:
+        """(v, 1): the other side."""
+        return -(self.P @ self.h + self.Q @ self.d)
+
+    @property
+    def left(self) -> ca.SX:
+        """(v, 1): what holds of states, which `by_values` say nothing of."""
+        return self.Q @ self.h
+
+    def open_by(self, found: ca.SX) -> ca.SX:
+        """(v, 1): what these reactions (n, 1) leave open, where units are far apart."""
+        return self.holds * ca.substitute(self.P @ self.y + self.Q @ self.y_dot, self.reactions, found)
+
+    def guards(self, found: ca.SX) -> list[ca.SX]:
+        """By these reactions (n, 1)."""
+        apart = ca.substitute(self.y, self.reactions, found)
+        return [
+            (1 - self.holds[k]) * (apart[k] if row.turned else row.gated(apart[k], 1))
+            + self.holds[k] * (row.gated(found[k], 1) if row.turned else found[k])
+            for k, row in enumerate(self.rows)
+        ]
+
+    def index(self, J: ca.SX) -> Index | None:
+        """What modes are decided by, with x' = J r by reactions; None where there is no valve."""
+        if not self.rows:
+            return None
+        v, nx, later = len(self.rows), self.motion.x.numel(), self.later.sx
+        f = ca.substitute(self.motion.x_dot, self.reactions, ca.SX.zeros(self.reactions.numel()))
+        systems, both = Systems().with_one(
+            ca.SX.ones(nx), ca.SX.eye(nx) - later * ca.jacobian(f, self.motion.x), later * ca.horzcat(f, J)
+        )
+        moved = ca.jacobian(self.h, self.motion.x) @ both
+        others, G = self.reactions[v:, :], self.matrix
+        systems, by = systems.with_one(self.holds, G[:, :v], ca.horzcat(self.right, -G[:, v:]))
+        open_ = self.open_by(ca.vertcat(by[:, 0], ca.SX.zeros(others.shape)))
+        systems, more = systems.with_one(self.holds, G[:, :v], -open_)
+        return Index(
+            self.h + moved[:, 0], self.values + moved[:, 1:], ca.densify(self.values[:, :v]), ca.densify(self.rates[:, :v]), self.later,
+            ca.densify(rounded(self.h)), ca.densify(by[:, 0] + more + by[:, 1:] @ others), systems,
+        )  # fmt: skip
+
+
+def valves_among(rows: Sequence[ModeRow]) -> list[ModeRow]:
+    """Those whose values follow from reactions at once, and where some are turned round, all that might be: in some modes they follow through states."""
+    reactions = ca.vertcat(ca.SX(0, 1), *(reaction.sx for row in rows for reaction in row.reactions))
+    turned = any(row.turned for row in rows)
+    return [row for row in rows if row.one_way and (ca.depends_on(row.moved, reactions) or (turned and row.turns))]
 
 
 def _matrix(n: int, name: str) -> tuple[Mode, ...]:
@@ -95,4 +152,4 @@ def _matrix(n: int, name: str) -> tuple[Mode, ...]:
 
 
 def _of_modes(entries: Sequence[Mode], n: int) -> ca.SX:
-    return ca.reshape(ca.vertcat(*(entry.sx for entry in entries)), n, n).T
+    return ca.reshape(ca.vertcat(ca.SX(0, 1), *(entry.sx for entry in entries)), n, n).T

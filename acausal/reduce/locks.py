@@ -17,7 +17,7 @@ from acausal.errors import ModelError
 from acausal.language.expression import Discrete, Input, Reaction, declared
 from acausal.numerics.elimination import undamped
 from acausal.numerics.terms import rounded
-from acausal.reduce.modes import Motion
+from acausal.reduce.motion import Motion
 
 _DAMPING = 1e-10
 """Of rows of one lock that have one unit: part of the mean of their compliances."""

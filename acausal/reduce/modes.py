@@ -18,14 +18,14 @@ import numpy as np
 
 from acausal.dynamics.mode_rows import LockRows, ModeRow, Size
 from acausal.errors import ModelError, OptionError
-from acausal.language.equation import input_rate
-from acausal.language.expression import Input, Magnitude, Mode, Reaction, declared
+from acausal.language.expression import Magnitude, Mode
 from acausal.numerics import patches
 from acausal.numerics.staged import Systems
-from acausal.numerics.switching import JUMPS, switches
 from acausal.numerics.terms import rounded
 from acausal.numerics.thresholds import ROUNDING
+from acausal.reduce.changing_index import Index, Valves, valves_among
 from acausal.reduce.magnitudes import Magnitudes
+from acausal.reduce.motion import Motion, inputs_in
 from acausal.wording import compact
 
 DAMPING = 1e-6
@@ -36,7 +36,7 @@ DAMPING = 1e-6
 class Modes:
     """Rows of reactions and what the masks make of them, by t, x, u (masks last) and p; n reactions in all.
 
-    `rows`: laws, one-sided ones first, then friction in one direction, then in two, then of patches. `rate` (n, 1): of gaps, and slips; `free` (n, 1): accelerations of the rows
+    `rows`: laws, valves first, then others that are one-sided, then friction in one direction, then in two, then of patches. `rate` (n, 1): of gaps, and slips; `free` (n, 1): accelerations of the rows
     without any reaction; `compliance` (n, n): by reactions; `response` (nx, n): x' by reactions. `solved` (n, 1): the reactions, whose symbols are `reactions`; `dead`: those of others, which are zero. `guards`:
     positive as long as the masks are right, one for each one-sided row, and two for each friction and each of the `magnitudes`. `correction` (nx, 1): one Newton step to
     what is held. All three hold answers of `systems`. `redundant`: whether rows may depend on one another; then the last masks are `_Shared`, but for what parts remember.
@@ -57,8 +57,9 @@ class Modes:
     damping: Mode | None
     magnitudes: Magnitudes
     dead: ca.SX
-    index: Any = None
-    """Of what changes its index, see changing_index.py."""
+    valves: int = 0
+    index: Index | None = None
+    """Of `valves`, the first rows, see changing_index.py."""
 
     @property
     def symbols(self) -> ca.SX:
@@ -119,7 +120,7 @@ class Modes:
         return {
             f"the gap of {row.part.where}": mask.sx * row.gap
             for row, mask in zip(self.rows[: self.one_sided], self.masks, strict=False)
-            if _inputs_in(row.gap)
+            if inputs_in(row.gap)
         }
 
     @property
@@ -208,98 +209,53 @@ class _Shared:
         return ca.vertcat(*(a.sx + b.sx * (t - self.since.sx) for a, b in zip(self.reactions, self.rates, strict=True)))
 
 
-@dataclass(frozen=True)
-class Motion:
-    """States x with rates x_dot by reactions, which are inputs still, at time t; the first nq are positions. `values`: of t, x, u and p at some places."""
-
-    t: ca.SX
-    x: ca.SX
-    u: ca.SX
-    p: ca.SX
-    x_dot: ca.SX
-    nq: int
-    values: tuple[tuple[Any, ...], ...]
-
-    def without(self, reactions: Sequence[ca.SX]) -> Motion:
-        """Where these are zero."""
-        return (
-            replace(self, x_dot=ca.substitute(self.x_dot, ca.vertcat(*reactions), ca.SX.zeros(len(reactions))))
-            if reactions
-            else self
-        )
-
-    def at_places(self, value: ca.SX) -> list[np.ndarray]:
-        """Where it is finite."""
-        known = {s.element_hash() for s in ca.symvar(ca.vertcat(self.t, self.x, self.u, self.p))}
-        rest = ca.vertcat(ca.SX(0, 1), *(s for s in ca.symvar(value) if s.element_hash() not in known))  # rates of inputs
-        value = ca.substitute(value, rest, ca.SX.zeros(rest.numel())) if rest.numel() else value
-        function = ca.Function("places", [self.t, self.x, self.u, self.p], [ca.densify(value)])
-        found = [np.array(function(*place)) for place in self.values]
-        return [one for one in found if np.isfinite(one).all()]
-
-    def may_jump(self, value: ca.SX) -> bool:
-        """While parameters stay as they are."""
-        moving = ca.vertcat(self.t, self.x, self.u)
-        return any(ca.depends_on(node, moving) for node in switches(value, JUMPS))
-
-    def closed(self, gaps: ca.SX, J: ca.SX, pushes: ca.SX) -> ca.SX:
-        """What states (nx, 1) change by where reactions with x' = J r push these gaps to zero by pushes[:, 0], and their rates by pushes[:, 1]."""
-        places, along = positions_in(gaps, J, self.x, self.nq), ca.jacobian(self.x_dot, self.x) @ J
-        moved = ca.SX.zeros(self.x.numel())
-        if places:
-            moved[places] = (along @ pushes[:, 0])[places]
-        return moved + J @ pushes[:, 1]
-
-    def rate(self, value: ca.SX) -> ca.SX:
-        """Time derivative; of inputs by their rates."""
-        own = (ca.jtimes(value, entry.sx, input_rate(entry).sx) for entry in _inputs_in(value))
-        return sum(own, ca.jtimes(value, self.t, ca.SX(1)) + ca.jtimes(value, self.x, self.x_dot))
-
-
 def modes_of(rows: Sequence[ModeRow], names: Mapping[Any, str], motion: Motion) -> tuple[Modes | None, ca.SX]:
     """Modes, None where no reaction moves anything; and reactions (n, 1) that are zero at all times, since nothing can move there.
 
     Where rows depend on inputs these have rates, and what holds is followed by these, and not among the invariants; nor is what may jump. Raises `ModelError` for a gap that is
     not one of positions, and reactions that the rates do not depend on as they should.
     """
-    rows, unmoving = _living(rows, motion)
+    valves = valves_among(rows)
+    rows, unmoving = _living([row for row in rows if row not in valves], valves, motion)
     motion, dead = motion.without(unmoving), ca.vertcat(ca.SX(0, 1), *unmoving)
     rows = [row.put([dead], [ca.SX.zeros(len(unmoving))]) for row in rows] if unmoving else rows
+    rows = [*valves, *rows]
     if not rows:
         return None, dead
     reactions = ca.vertcat(*(reaction.sx for row in rows for reaction in row.reactions))
-    moves = _Moves.of(rows, motion, reactions)
-    rate, acceleration = moves.rate, moves.acceleration
+    masks, v = [masks_of(row, names) for row in rows], len(valves)
+    own = Valves.of(valves, motion, reactions, ca.vertcat(ca.SX(0, 1), *(mask.holds.sx for mask in masks[:v])))
+    moves = _Moves.of(rows[v:], motion, reactions)
     J = ca.jacobian(motion.x_dot, reactions)
-    W = moves.compliance(motion, J, reactions)
+    rate, W = ca.vertcat(ca.SX.zeros(v), moves.rate), ca.vertcat(own.values, moves.compliance(motion, J))
     owner = [row for row in rows for _ in row.reactions]
     for k, row in enumerate(owner):
         if ca.depends_on(ca.veccat(W[:, k], J[:, k]), reactions):
             raise ModelError(f"Rates are not linear in the reaction of {row.part.where}. Let forces be proportional to it.")
-    free = ca.densify(ca.substitute(acceleration, reactions, ca.SX.zeros(len(owner))))
-    least = _DEPEND if all(moves.at_once) else _NEARLY
-    redundant = any(_may_depend(found, least) for found in motion.at_places(W))
-    masks = [masks_of(row, names) for row in rows]
+    free = ca.vertcat(ca.densify(own.h), ca.densify(ca.substitute(moves.acceleration, reactions, ca.SX.zeros(len(owner)))))
+    redundant = any(_may_depend(found) for found in motion.at_places(W[v:, v:]))
     shared = _Shared.among(len(owner)) if redundant else None
     magnitudes = _magnitudes(rows, names, reactions)
-    system = _Masked(rows, masks, reactions, W, None if shared is None else shared.damping.sx, moves.at_once, magnitudes)
+    system = _Masked(rows, masks, reactions, W, None if shared is None else shared.damping.sx, own, magnitudes)
     carried = ca.SX.zeros(len(owner)) if shared is None else shared.at(motion.t)
-    values, guards = system.found(free, rate, carried, acceleration)
+    values, guards = system.found(free, rate, carried)
     closed = [
-        holds * row.gap if row.one_sided and not (_inputs_in(row.gap) or motion.may_jump(row.gap)) else ca.SX.zeros(row.size)
+        holds * row.gap if row.one_sided and not (inputs_in(row.gap) or motion.may_jump(row.gap)) else ca.SX.zeros(row.size)
         for row, holds in zip(rows, system.by_law, strict=True)
     ]
     speeds = [
-        ca.SX(0) if _inputs_in(ca.vertcat(row.moved, part)) or motion.may_jump(part) else holds * part
-        for row, holds, part in zip(owner, system.holds, ca.vertsplit(rate), strict=True)
+        ca.SX(0) if inputs_in(ca.vertcat(row.moved, part)) or motion.may_jump(part) else holds * part
+        for row, holds, part in zip(owner[v:], system.holds[v:], ca.vertsplit(rate)[v:], strict=True)
     ]
-    gaps = ca.vertcat(ca.SX(0, 1), *(row.gap for row in rows if row.one_sided))
-    pushes = system.solved(system.held, ca.horzcat(-ca.vertcat(*closed), -ca.vertcat(*speeds)), ca.vertcat(*system.holds))
-    everything = [*(mask for own in masks for mask in own.all), *magnitudes.masks, *(() if shared is None else shared.all)]
-    invariants = ca.vertcat(ca.vertcat(*closed)[: gaps.numel(), :], *speeds)
+    gaps, speeds = ca.vertcat(ca.SX(0, 1), *(row.gap for row in rows if row.one_sided)), ca.vertcat(own.left, *speeds)
+    pushes = system.solved(system.held, ca.horzcat(-ca.vertcat(*closed), -speeds), ca.vertcat(*system.holds))
+    everything = [
+        *(mask for one in masks for mask in one.all), *magnitudes.masks, *own.masks, *(() if shared is None else shared.all)
+    ]  # fmt: skip
+    invariants = ca.vertcat(ca.vertcat(*closed)[: gaps.numel(), :], speeds)
     found = Modes(
-        tuple(rows), tuple(everything), reactions, rate, free, W, ca.densify(J), values, guards, invariants, motion.closed(gaps, J, pushes), system.systems,
-        None if shared is None else shared.damping, magnitudes, dead,
+        tuple(rows), tuple(everything), reactions, rate, free, ca.densify(W), ca.densify(J), values, guards, invariants, motion.closed(gaps, J, pushes), system.systems,
+        None if shared is None else shared.damping, magnitudes, dead, v, own.index(J),
     )  # fmt: skip
     return found, dead
 
@@ -332,50 +288,33 @@ def _magnitudes(rows: Sequence[ModeRow], names: Mapping[Any, str], reactions: ca
 
 @dataclass(frozen=True)
 class _Moves:
-    """Of rows (n, 1): `rate`, of gaps, and slips; `acceleration`, by reactions; `at_once`: whether a row has no rate, since it follows from reactions at once, as the
-    voltage of a diode behind a resistor does: then it stands among the accelerations.
-    """
+    """Of rows (n, 1): `rate`, of gaps, and slips; `acceleration`, by reactions."""
 
     rate: ca.SX
     acceleration: ca.SX
-    at_once: tuple[bool, ...]
 
-    def compliance(self, motion: Motion, J: ca.SX, reactions: ca.SX) -> ca.SX:
-        """(n, n): accelerations by reactions, with x' = J reactions: what rates see of x', since few states move what touches."""
-        found = ca.jacobian(self.rate, motion.x) @ J
-        direct = [k for k, at_once in enumerate(self.at_once) if at_once]
-        if direct:
-            found[direct, :] = ca.jacobian(self.acceleration[direct], reactions)
-        return ca.densify(found)
+    def compliance(self, motion: Motion, J: ca.SX) -> ca.SX:
+        """(n, m): accelerations by m reactions, with x' = J reactions: what rates see of x', since few states move what touches."""
+        return ca.densify(ca.jacobian(self.rate, motion.x) @ J)
 
     @staticmethod
     def of(rows: Sequence[ModeRow], motion: Motion, reactions: ca.SX) -> _Moves:
         """Raises `ModelError` for a gap that is not one of positions."""
         rates: list[ca.SX] = []
-        accelerations: list[ca.SX] = []
-        at_once: list[bool] = []
         for row in rows:
-            by_force = bool(ca.depends_on(row.moved, reactions))
-            if by_force and not row.one_way:
+            if ca.depends_on(row.moved, reactions):
                 what = "gap" if row.one_sided else "slip"
                 raise ModelError(
                     f"The {what} of {row.part.where} follows from forces: nothing with inertia moves with it. Put a mass or an inertia where it acts."
                 )
-            rate = ca.SX(0) if by_force else row.moved if row.one_way or not row.one_sided else motion.rate(row.moved)
+            rate = row.moved if row.one_way or not row.one_sided else motion.rate(row.moved)
             if ca.depends_on(rate, reactions):
                 raise ModelError(
                     f"The gap of {row.part.where} is no expression of positions and time alone: its rate follows from forces."
                 )
             rates.append(rate)
-            accelerations.append(row.moved if by_force else motion.rate(rate))
-            at_once += [by_force] * row.size
-        return _Moves(ca.densify(ca.vertcat(*rates)), ca.densify(ca.vertcat(*accelerations)), tuple(at_once))
-
-
-def _inputs_in(value: ca.SX) -> list[Input]:
-    """What is given from outside, whose rates are then given too."""
-    found = dict.fromkeys(declared(symbol) for symbol in ca.symvar(value))
-    return [entry for entry in found if isinstance(entry, Input) and not isinstance(entry, Mode | Reaction)]
+        rate = ca.densify(ca.vertcat(ca.SX(0, 1), *rates))
+        return _Moves(rate, ca.densify(ca.vertcat(ca.SX(0, 1), *map(motion.rate, rates))))
 
 
 def _slips(row: ModeRow, motion: Motion) -> bool:
@@ -385,17 +324,13 @@ def _slips(row: ModeRow, motion: Motion) -> bool:
     return any(bool(np.any(np.abs(found[:, 0]) > ROUNDING * found[:, 1])) for found in places)
 
 
-def _living(rows: Sequence[ModeRow], motion: Motion) -> tuple[list[ModeRow], list[ca.SX]]:
+def _living(rows: Sequence[ModeRow], valves: Sequence[ModeRow], motion: Motion) -> tuple[list[ModeRow], list[ca.SX]]:
     """Laws without what never moves, such as the slip across a rail; and the reactions that are zero then. Raises `ModelError` for a reaction that moves nothing it is
     held by, or drives it the wrong way."""
     reactions = [reaction.sx for row in rows for reaction in row.reactions]
-    moves = _Moves.of(rows, motion, ca.vertcat(*reactions))
-    compliance = ca.diag(ca.jacobian(moves.acceleration, ca.vertcat(*reactions)))
-    rest = _rounding_at_once(moves, ca.vertcat(*reactions))
-    places = [
-        np.where(np.abs(one) > noise, one, 0.0)
-        for one, noise in (np.hsplit(both, 2) for both in motion.at_places(ca.horzcat(compliance, rest)))
-    ]
+    everything = ca.vertcat(ca.SX(0, 1), *reactions, *(row.reaction.sx for row in valves))
+    acceleration = _Moves.of(rows, motion, everything).acceleration
+    places = motion.at_places(ca.diag(ca.jacobian(acceleration, ca.vertcat(ca.SX(0, 1), *reactions))))
     size = np.max(np.abs(places), axis=0).ravel() if places else np.ones(len(reactions))
     kept: list[ModeRow] = []
     dead: list[ca.SX] = []
@@ -423,16 +358,6 @@ def _living(rows: Sequence[ModeRow], motion: Motion) -> tuple[list[ModeRow], lis
     return sorted(kept, key=lambda row: (not row.one_sided, row.size)), dead
 
 
-def _rounding_at_once(moves: _Moves, reactions: ca.SX) -> ca.SX:
-    """(n, 1): what rounding makes of the compliances of rows that have no rate: those of a leak beside a source are nothing but that."""
-    found = ca.SX.zeros(reactions.numel())
-    for k, at_once in enumerate(moves.at_once):
-        if at_once:
-            slope = ca.jacobian(rounded(moves.acceleration[k]), reactions[k])
-            found[k] = ROUNDING * ca.substitute(slope, reactions, ca.SX.ones(reactions.numel()))
-    return found
-
-
 def _without_parts(row: ModeRow, living: Sequence[int]) -> ModeRow:
     """A friction of which only these rows live. Raises `ModelError` where a patch slides one way only, and spins."""
     if row.pressure is None or row.sliding is None or row.holding is None:
@@ -449,27 +374,26 @@ def _without_parts(row: ModeRow, living: Sequence[int]) -> ModeRow:
 
 @dataclass
 class _Masked:
-    """One linear system for all modes. `damping`: of rows that depend on one another, None where none do. `at_once`: see `_Moves`. `systems`: what is to be solved so far."""
+    """One linear system for all modes. `damping`: of rows that depend on one another, None where none do. `valves`: the first rows. `systems`: what is to be solved so far."""
 
     rows: Sequence[ModeRow]
     masks: Sequence[_Masks]
     reactions: ca.SX
     compliance: ca.SX
     damping: ca.SX | None
-    at_once: tuple[bool, ...]
+    valves: Valves
     magnitudes: Magnitudes
     systems: Systems = field(default_factory=Systems)
 
-    def found(self, free: ca.SX, rate: ca.SX, carried: ca.SX, acceleration: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """The reactions (n, 1), and guards, see `Modes`; nearest to what is `carried` on, where they are not unique. `acceleration` is by reactions."""
+    def found(self, free: ca.SX, rate: ca.SX, carried: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """The reactions (n, 1), and guards, see `Modes`; nearest to what is `carried` on, where they are not unique."""
         symbols, M = self.magnitudes.symbols, self.matrix(rate)
         by = self.solved(M, ca.horzcat(self.right(free, rate) - M @ carried, self.by_magnitudes(rate)), self.active)
         given, more = carried + by[:, 0], by[:, 1:]
-        if any(self.at_once):
-            # what a large compliance leaves: a valve that leaks little has no voltage, where its current is all that flows
-            left = ca.substitute(acceleration, self.reactions, given)
-            rest = ca.vertcat(*(h * left[i] if self.at_once[i] else ca.SX(0) for i, h in enumerate(self.holds)))
-            given -= self.solved(M, rest, self.active)
+        if self.valves.rows:
+            given -= self.solved(
+                M, ca.vertcat(self.valves.open_by(given), ca.SX.zeros(given.numel() - len(self.valves.rows))), self.active
+            )
         if not symbols.numel():
             return given, self.guards(given, rate, symbols)
         slopes = [ca.jacobian(size.of, self.reactions) @ more for size in self.magnitudes.sizes]
@@ -508,6 +432,7 @@ class _Masked:
         """(n, n), by which reactions are given in a mode."""
         holds = ca.vertcat(*self.holds)
         M = ca.repmat(holds, 1, holds.numel()) * self.compliance + ca.diag(1 - holds)
+        M[: len(self.valves.rows), :] = self.valves.matrix
         for i, (row, part) in enumerate(self.against(rate)):
             if row.sliding is not None:
                 M[i, :] += (1 - holds[i]) * part * ca.jacobian(row.sliding, self.reactions)
@@ -531,14 +456,16 @@ class _Masked:
             if row.sliding is not None:
                 limit = ca.substitute(row.sliding, unknown, none)
                 found[i] -= (1 - self.holds[i]) * part * limit
+        found[: len(self.valves.rows), :] = self.valves.right
         return found
 
     @property
     def held(self) -> ca.SX:
         """(n, n): the compliance of what holds, and one on the diagonal of what does not."""
-        holds, at_once = ca.vertcat(*self.holds), np.array(self.at_once)
-        alone = (at_once[:, None] | at_once) & ~np.eye(at_once.size, dtype=bool)
-        return ca.DM(~alone) * (holds @ holds.T) * self.compliance + ca.diag(1 - holds)
+        holds = ca.vertcat(*self.holds)
+        found = (holds @ holds.T) * self.compliance + ca.diag(1 - holds)
+        found[: len(self.valves.rows), :] = self.valves.matrix
+        return found
 
     @property
     def active(self) -> ca.SX:
@@ -554,20 +481,22 @@ class _Masked:
 
     def solved(self, M: ca.SX, right: ca.SX, active: ca.SX) -> ca.SX:
         """M^-1 right; where M has no inverse, of least norm in units of the compliances."""
-        damping = None if self.damping is None else self.damping * ca.vertcat(*self.holds) * ca.diag(self.compliance)
+        v = len(self.valves.rows)
+        whole = ca.vertcat(ca.SX.zeros(v), ca.vertcat(*self.holds)[v:, :] * ca.diag(self.compliance)[v:, :])
+        damping = None if self.damping is None else self.damping * whole
         self.systems, answers = self.systems.with_one(active, M, right, damping)
         return answers
 
     def guards(self, found: ca.SX, rate: ca.SX, sizes: ca.SX) -> ca.SX:
         """Of laws, see `Modes`."""
-        guards: list[ca.SX] = []
+        guards = self.valves.guards(found)
         unknown, values = ca.vertcat(self.reactions, self.magnitudes.symbols), ca.densify(ca.vertcat(found, sizes))
-        first = 0
-        for row, mask in zip(self.rows, self.masks, strict=True):
+        first = len(guards)
+        for row, mask in list(zip(self.rows, self.masks, strict=True))[first:]:
             holds, force, slip = mask.holds.sx, found[first : first + row.size, :], rate[first : first + row.size, :]
             first += row.size
             if row.holding is None:
-                apart = row.gated(ca.substitute(row.moved, self.reactions, found), 1) if row.one_way else row.moved
+                apart = row.gated(row.moved, 1) if row.one_way else row.moved
                 guards.append((1 - holds) * apart + holds * force)
                 continue
             limit = ca.substitute(row.holding, unknown, values)
@@ -595,25 +524,17 @@ class _Masked:
         return ca.vertcat(*guards)
 
 
-def positions_in(gaps: ca.SX, J: ca.SX, x: ca.SX, nq: int) -> list[int]:
-    """Which states are positions that gaps may be closed by: coordinates, and scalar states in the gaps; their rates do not know the reactions."""
-    in_gaps = set(ca.jacobian(gaps, x).sparsity().get_col()) if gaps.numel() else set[int]()
-    return [i for i in range(x.numel()) if (i < nq or i in in_gaps) and J[i, :].is_zero()]
-
-
-def _may_depend(W: np.ndarray, least: float) -> bool:
-    """Whether rows might depend on one another, if all of them held: to this part of the largest."""
+def _may_depend(W: np.ndarray) -> bool:
+    """Whether rows might depend on one another, if all of them held."""
     diagonal = np.diag(W)
     if not (diagonal > 0).all():
         return True
     scale = 1 / np.sqrt(diagonal)
-    return bool(np.linalg.eigvalsh(scale[:, None] * W * scale)[0] < least)
+    return bool(np.linalg.eigvalsh(scale[:, None] * W * scale)[:1].min(initial=1.0) < _NEARLY)
 
 
 _NEARLY = 1e-3
-"""Of rows that move with the states."""
-_DEPEND = 1e-11
-"""Of rows that stay as they are, such as those of valves in a circuit: what leaves enough digits."""
+"""Of the largest, what may become nothing as rows move with the states."""
 _LITTLE = 1e-9
 _NEVER = 1e-12
 """Part of the largest compliance that is none."""

@@ -25,12 +25,12 @@ from acausal.language.flatten import FlatSystem, Part
 from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
 from acausal.parts.pose import symbolic
-from acausal.reduce.changing_index import changes_index, modes_of_changing_index
 from acausal.reduce.geared_rotors import geared_rotors
 from acausal.reduce.holding import Holding, closed_positions, holding, looped
 from acausal.reduce.implicit import with_reactions
 from acausal.reduce.locks import Locks, locks_of
-from acausal.reduce.modes import Modes, Motion, modes_of
+from acausal.reduce.modes import Modes, modes_of
+from acausal.reduce.motion import Motion
 from acausal.reduce.places import places
 from acausal.reduce.signals import with_signals
 from acausal.scalar.coupling import Held, ScalarPart, add_scalar_domains
@@ -346,9 +346,7 @@ def _with_modes(system: ReducedSystem) -> ReducedSystem:
     if not system.x.numel():
         system = _with_passages(system, rows)
     motion, names = _motion(system), system.flat.names
-    modes, dead = (
-        (modes_of_changing_index(rows, names, motion), ca.SX(0, 1)) if changes_index(rows) else modes_of(rows, names, motion)
-    )
+    modes, dead = modes_of(rows, names, motion)
     r, found, masks = dead, ca.SX.zeros(dead.numel()), tuple[Mode, ...](system.flat.modes)
     if modes is not None:
         modes = dataclasses.replace(modes, masks=(*modes.masks, *masks))

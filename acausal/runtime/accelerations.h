@@ -1,6 +1,6 @@
 /* Which of the rows that touch hold on, and which way friction acts: accelerations, looked at a little later, where what is exactly at its threshold has passed it; see modes.h. */
 
-#define SETTLED 6      /* times that what holds at once is asked again */
+#define SETTLED 6      /* times for each valve that others are asked again */
 #define SOONEST 1e-13  /* not so much sooner */
 #define FORESEES 0.25 /* part of a rate that it may change by while it is followed */
 #define RESOLVED 16.0  /* roundings of a gap: bounces that are not higher are none */
@@ -23,7 +23,7 @@ static double least_rate(const Integrator *I, const Decision *D, long i, double 
 static double least_pivot(const Decision *D, const long *law, double *A, long *chosen) {
     long n = D->n, m = 0;
     double least = 1;
-    for (long i = 0; i < D->gaps; i++)
+    for (long i = D->valves; i < D->gaps; i++)
         if (law[i] == HOLDS) chosen[m++] = i;
     for (long f = 0; f < D->frictions; f++)
         for (long k = 0; k < rows_of(D, f) && law[D->gaps + f] == HOLDS; k++) chosen[m++] = row_of(D, f) + k;
@@ -94,11 +94,10 @@ static double slip_noise(const Decision *D, long f) {
 /* Masks for the laws that have been found for accelerations. */
 static void set_masks(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
-    double largest = largest_in(D, R.push);
+    double largest = largest_in(D, R.push, D->valves, D->n);
     for (long i = 0; i < D->gaps; i++) {
         int carried = I->redundant && T->side[carried_of(I) + 1 + i] != 0;
-        double least = D->kind[i] == NO_IMPACT && !I->redundant ? 0 : NIL * largest; /* valves that leak have units too far apart */
-        if (R.law[i] == HOLDS && !carried && !I->changes_index && !(R.push[i] * unit_of(own_of(D, i)) > least)) R.law[i] = OPENS;
+        if (R.law[i] == HOLDS && !carried && i >= D->valves && !(R.push[i] * unit_of(own_of(D, i)) > NIL * largest)) R.law[i] = OPENS;
         T->side[i] = R.law[i] == HOLDS;
         double nothing = NIL * largest * unit_of(own_of(D, i));
         T->at_rest[i] = is_speed(D, i) && R.law[i] == OPENS && fabs(R.rate[i]) <= nothing ? nothing : 0;
@@ -188,40 +187,64 @@ static void share_as_rates_do(const Integrator *I, const Decision *D, const Prob
     find_rates(p);
 }
 
-/* Accelerations, looked at so much later [s], decide which of the rows that touch hold on, and which way friction acts; `roughly`: they hardly tell which way. */
-static enum Code decide_when(Integrator *I, Room R, double planned, double later, int *roughly) {
+/* Which valves hold, by what is so much later [s], into their masks, with what others hold, T->given_push; `again`: those that do keep doing so unless that is wrong. Whether that has changed; -1 when
+   the input function failed, -2 where no mode is possible. */
+static int decide_valves(Integrator *I, Room R, double later, int again, Decision *D) {
     struct State *T = I->state;
-    Decision D;
-    long laws = I->one_sided + frictions_of(I), *asked = R.wanted, *found = T->index_found;
+    long v = I->valves, *law = R.law, *asked = R.wanted, *found = T->index_found;
+    int changed = 0;
+    if (!valves_later(I, 0, D)) return -1;
+    for (long k = 0; k < D->n + D->frictions; k++) law[k] = k < v && R.touching[k] ? MAY_HOLD : OFF;
+    int given = hold_shut(I, D, law);
+    if (given < 0) return -1;
+    memcpy(asked, law, sizeof(long) * (size_t)v);
+    if (!valves_later(I, later, D)) return -1;
+    Problem p = problem_of(I, D, R, D->free);
+    int solved = given || again ? 0 : choose_valves(&p, R.place, T->lemke, T->basis);
+    for (long i = 0; i < v; i++) {
+        if (!solved) law[i] = asked[i] != MAY_HOLD ? asked[i] : T->side[i] == 1 ? HOLDS : OPENS;
+        found[i] = law[i];
+    }
+    if (settle_rows(I, D, asked, law, R.push, R.rate)) solved = 1;
+    else if (solved) memcpy(law, found, sizeof(long) * (size_t)v);
+    I->worst = 0;
+    for (long i = 0; i < v && !solved; i++)
+        if (asked[i] != OFF) I->worst = i;
+    if (!solved) return -2;
+    for (long i = 0; i < v; i++) {
+        changed |= T->side[i] != (law[i] == HOLDS);
+        T->side[i] = law[i] == HOLDS;
+        found[i] = law[i];
+        T->given_push[i] = R.push[i];
+    }
+    I->worst = 0;
+    return combine_others(I, D, R.push, R.rate) ? changed : -2;
+}
+
+/* Accelerations, looked at so much later [s], decide which of the rows that touch hold on, and which way friction acts, but for valves; `roughly`: they hardly tell which way. */
+static enum Code decide_others(Integrator *I, Room R, double later, int *roughly, Decision *D, Problem *p) {
+    struct State *T = I->state;
+    long laws = I->one_sided + frictions_of(I), *asked = R.wanted;
     for (long k = carried_of(I); I->redundant && k < first_discrete(I); k++) T->side[k] = 0;
-    if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
-    for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] && (R.touching[i] == 2 || D.rate[i] <= least_rate(I, &D, i, D.free[i])) ? MAY_HOLD : OFF;
-    for (long f = 0; f < D.frictions; f++) R.law[D.gaps + f] = R.touching[D.gaps + f] == 1 ? MAY_HOLD : AGAINST;
-    int given = 0;
-    if (I->changes_index) given = hold_shut(I, &D, R.law);
-    if (given < 0) return INPUT_FAILED;
+    if (!decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
+    for (long i = 0; i < D->gaps; i++) R.law[i] = i >= I->valves && R.touching[i] && (R.touching[i] == 2 || D->rate[i] <= least_rate(I, D, i, D->free[i])) ? MAY_HOLD : OFF;
+    for (long f = 0; f < D->frictions; f++) R.law[D->gaps + f] = R.touching[D->gaps + f] == 1 ? MAY_HOLD : AGAINST;
     memcpy(asked, R.law, sizeof(long) * (size_t)laws);
-    for (long f = 0; f < D.frictions; f++) R.slow[f] = size_of(&D, f, D.rate);
-    if (!decision_later(I, later, &D)) return INPUT_FAILED;
-    memcpy(R.now, R.along, sizeof(double) * (size_t)(3 * D.frictions));
-    turn_slips(&D, R);
-    for (long f = 0; f < D.frictions; f++)
-        if (never_holds(&D, f)) asked[D.gaps + f] = OFF;
-    Problem p = problem_of(I, &D, R, D.free);
-    p.constants = 1;
-    for (long again = 0; again <= D.frictions; again++) {
+    for (long f = 0; f < D->frictions; f++) R.slow[f] = size_of(D, f, D->rate);
+    if (!decision_later(I, later, D)) return INPUT_FAILED;
+    memcpy(R.now, R.along, sizeof(double) * (size_t)(3 * D->frictions));
+    turn_slips(D, R);
+    for (long f = 0; f < D->frictions; f++)
+        if (never_holds(D, f)) asked[D->gaps + f] = OFF;
+    *p = problem_of(I, D, R, D->free);
+    p->constants = 1;
+    for (long again = 0; again <= D->frictions; again++) {
         *roughly = 0;
         memcpy(R.law, asked, sizeof(long) * (size_t)laws);
-        int solved = given ? 0 : complementary(&p, R.place, T->lemke, T->basis), held = 0;
-        if (I->changes_index) {
-            for (long i = 0; i < D.gaps && !solved; i++) R.law[i] = asked[i] != MAY_HOLD ? asked[i] : T->side[i] == 1 ? HOLDS : OPENS;
-            memcpy(found, R.law, sizeof(long) * (size_t)laws);
-            if (settle_rows(I, &D, asked, R.law, R.push, R.rate)) solved = 1;
-            else if (solved) memcpy(R.law, found, sizeof(long) * (size_t)laws);
-        }
+        int solved = complementary(p, R.place, T->lemke, T->basis), held = 0;
         if (I->redundant) {
-            held = hold_more(I, &D, asked, R.law, R.along, solved ? R.rate : 0, R.push, later);
-            if (held < 0 || !decision_later(I, later, &D)) return INPUT_FAILED; /* it has looked elsewhere */
+            held = hold_more(I, D, asked, R.law, R.along, solved ? R.rate : 0, R.push, later);
+            if (held < 0 || !decision_later(I, later, D)) return INPUT_FAILED; /* it has looked elsewhere */
             for (long k = 0; k < laws && held && !solved; k++) held = asked[k] == OFF || R.law[k] == HOLDS;
         }
         if (!solved && !held) {
@@ -231,7 +254,7 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
             return NO_MODE;
         }
         int begun = 0;
-        for (long k = D.gaps; k < laws; k++) {
+        for (long k = D->gaps; k < laws; k++) {
             if (R.law[k] != STARTS) continue;
             begun |= asked[k] == MAY_HOLD;
             asked[k] = MAY_SLIDE;
@@ -239,19 +262,49 @@ static enum Code decide_when(Integrator *I, Room R, double planned, double later
         }
         if (!begun) break; /* what slips has another limit */
     }
-    if (!I->changes_index) find_rates(&p);
-    if (I->redundant) share_as_rates_do(I, &D, &p, R);
-    for (long f = 0; f < D.frictions; f++) /* not where nothing presses */
-        if (R.law[D.gaps + f] == AGAINST && !(limit_of(&p, f) > 0)) R.law[D.gaps + f] = OFF;
-    for (long f = 0; f < D.frictions; f++)
-        if (asked[D.gaps + f] == AGAINST) memcpy(R.along + 3 * f, R.now + 3 * f, sizeof(double) * 3);
+    find_rates(p);
+    if (I->redundant) share_as_rates_do(I, D, p, R);
+    for (long f = 0; f < D->frictions; f++) /* not where nothing presses */
+        if (R.law[D->gaps + f] == AGAINST && !(limit_of(p, f) > 0)) R.law[D->gaps + f] = OFF;
+    for (long f = 0; f < D->frictions; f++)
+        if (asked[D->gaps + f] == AGAINST) memcpy(R.along + 3 * f, R.now + 3 * f, sizeof(double) * 3);
+    return REACHED_END;
+}
+
+/* All rows are decided by what is so much later [s]: valves first, then others with what these do, until valves stay as they are with what others do. */
+static enum Code decide_when(Integrator *I, Room R, double planned, double later, int *roughly) {
+    struct State *T = I->state;
+    Decision D;
+    Problem p;
+    long n = reactions_of(I), v = I->valves, laws = I->one_sided + frictions_of(I);
+    *roughly = 0;
+    if (v) memset(T->given_push, 0, sizeof(double) * (size_t)n);
+    for (long turns = 0, linked = v; n > v || turns == 0; turns++) {
+        int changed = !v ? 1 : turns && !linked ? 0 : decide_valves(I, R, later, turns > 0, &D);
+        if (changed == -1) return INPUT_FAILED;
+        if (changed < 0 || turns > SETTLED * (v + 1)) return NO_MODE;
+        if (turns && !changed) break;
+        if (n == v) break;
+        linked = 0;
+        for (long i = 0; i < v; i++)
+            for (long j = v; j < n; j++) linked |= D.W[i * n + j] != 0;
+        enum Code code = decide_others(I, R, later, roughly, &D, &p);
+        if (code != REACHED_END) return code;
+        if (!v) break;
+        memcpy(T->given_push + v, R.push + v, sizeof(double) * (size_t)(n - v));
+        memcpy(T->index_found + v, R.law + v, sizeof(long) * (size_t)(laws - v));
+    }
+    if (v && n > v) {
+        memcpy(R.law, T->index_found, sizeof(long) * (size_t)laws);
+        memcpy(R.push, T->given_push, sizeof(double) * (size_t)n);
+        if (!decision_later(I, later, &D)) return INPUT_FAILED;
+        p = problem_of(I, &D, R, D.free);
+        p.constants = 1;
+        find_rates(&p);
+    }
     if (!foresee_slips(I, &D, R, planned, later)) return INPUT_FAILED;
     set_masks(I, &D, R);
-    if (I->changes_index && !combine_others(I, &D, R.push, R.rate)) {
-        I->worst = 0;
-        return NO_MODE;
-    }
-    set_directions_of_forces(I, &p);
+    if (n > v) set_directions_of_forces(I, &p);
     return REACHED_END;
 }
 
@@ -277,14 +330,14 @@ static double foreseen(Integrator *I, double most) {
     return fmax(h, least);
 }
 
-/* Whether rows of the mode that has been set are no more than a little on the wrong side where it begins: else something else has changed by when it was looked at. -1 when the input
+/* Whether valves of the mode that has been set are no more than a little on the wrong side where it begins: else something else has changed by when it was looked at. -1 when the input
    function failed. */
 static int is_true_now(Integrator *I, Room R) {
     struct State *T = I->state;
     Decision D;
-    if (!decision_at(I, I->t, I->x, &D) || !rows_at(I, I->t, I->x)) return -1;
-    double most = largest_in(&D, R.push);
-    for (long i = 0; i < D.gaps; i++) {
+    if (!valves_later(I, 0, &D) || !rows_at(I, I->t, I->x)) return -1;
+    double most = largest_in(&D, R.push, 0, D.valves);
+    for (long i = 0; i < D.valves; i++) {
         double unit = unit_of(own_of(&D, i)), size = T->side[i] == 1 ? T->one_row[i] * unit : T->one_row[i] / unit;
         if (size < -ATTRACTS * most && T->one_row[i] < -T->row_noise[i]) return 0;
     }
@@ -292,20 +345,20 @@ static int is_true_now(Integrator *I, Room R) {
 }
 
 /* The same, not later than it takes to tell; nor so late that something else has changed, if it can be told. */
-static enum Code decide_in_time(Integrator *I, Room R, double planned) {
+static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
     struct State *T = I->state;
     double *before = T->lifted + I->masks, first = LATER; /* what begins with no rate is told from rounding later, where it has not lasted */
     enum Code code = REACHED_END;
     int roughly = 1;
     memcpy(before, T->side, sizeof(double) * (size_t)I->masks);
-    if (I->changes_index) {
+    if (I->valves) {
         double most = foreseen(I, 0.01 * TOO_LATE * planned);
         if (!(most > 0)) return INPUT_FAILED;
         planned = fmax(fmin(planned, most / LATER), SPENT * EPS / LATER * fabs(I->t)); /* what changes with time does not sooner */
     }
-    for (long k = 0; k < T->changes && I->changes_index && first < 0.01; k++) first *= 10;
+    for (long k = 0; k < T->changes && I->valves && first < 0.01; k++) first *= 10;
     for (double later = first; roughly && later < TOO_LATE; later *= 100) code = decide_when(I, R, planned, later * planned, &roughly);
-    for (double later = 0.01 * first; I->changes_index && later > SOONEST && later * planned > SPENT * EPS * fabs(I->t); later *= 0.01) {
+    for (double later = 0.01 * first; I->valves && later > SOONEST && later * planned > SPENT * EPS * fabs(I->t); later *= 0.01) {
         int holds = code == REACHED_END ? is_true_now(I, R) : 0;
         if (holds < 0) return INPUT_FAILED;
         if (holds) break;
@@ -313,27 +366,6 @@ static enum Code decide_in_time(Integrator *I, Room R, double planned) {
         code = decide_when(I, R, planned, later * planned, &roughly);
     }
     return code;
-}
-
-/* The same. Of rows that depend on one another, what holds at once changes how fast states move, and by that whether the others can: until it is the same as before. */
-static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
-    struct State *T = I->state;
-    Decision D;
-    enum Code code = decide_in_time(I, R, planned);
-    long changed = -1;
-    if (code != REACHED_END || !I->redundant) return code;
-    if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
-    for (long again = 0, n = 0; again < SETTLED; again++, n = 0, changed = -1) {
-        for (long i = 0; i < D.gaps; i++) n += D.kind[i] == NO_IMPACT;
-        if (n == 0) return code;
-        memcpy(T->lifted, T->side, sizeof(double) * (size_t)I->masks);
-        code = decide_in_time(I, R, planned);
-        for (long i = 0; i < D.gaps; i++)
-            if (D.kind[i] == NO_IMPACT && T->side[i] != T->lifted[i]) changed = i;
-        if (code != REACHED_END || changed < 0) return code;
-    }
-    I->worst = changed;
-    return CHATTERS;
 }
 
 /* Slips in planes that begin together, without a jump of their accelerations: which ways they go is told by all of them at once, as those of feet by the point that a body turns about. What acts
@@ -347,6 +379,7 @@ static int start_together(Integrator *I, Room R, double planned) {
     if (!I->redundant) return 0;
     if (!decision_at(I, I->t, I->x, &D)) return -1;
     memcpy(law, R.law, sizeof(long) * (size_t)(D.gaps + D.frictions));
+    for (long i = 0; i < D.valves; i++) law[i] = OFF;
     for (long f = 0; f < D.frictions; f++) {
         double speed = size_of(&D, f, R.rate), held = size_of(&D, f, R.push) * D.W[row_of(&D, f) * (n + 1)];
         long *own = law + D.gaps + f;

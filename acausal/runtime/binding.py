@@ -144,7 +144,7 @@ class Integrator(ctypes.Structure):
         ("row_switch", _Long),
         ("row_factor", _Double),
         ("row_plus", _Double),
-        *((name, ctypes.c_long) for name in ("masks", "mode_rows", "one_sided", "lines", "planes", "patches", "magnitudes", "redundant", "changes_index", "discretes", "set_count")),
+        *((name, ctypes.c_long) for name in ("masks", "mode_rows", "one_sided", "lines", "planes", "patches", "magnitudes", "redundant", "valves", "discretes", "set_count")),
         *((name, _Long) for name in ("set_direction", "set_first", "set_target")),
         ("discrete_start", ctypes.c_void_p),
         ("usual", ctypes.c_void_p),

@@ -10,7 +10,7 @@ static void find_island(const Integrator *I, const Decision *D, const long *touc
         found = 0;
         for (long a = 0; a < laws; a++)
             for (long b = 0; b < laws && in[a]; b++) {
-                if (in[b] || !touching[b]) continue;
+                if (in[b] || !touching[b] || b < D->valves) continue;
                 long i = a < D->gaps ? a : row_of(D, a - D->gaps), j = b < D->gaps ? b : row_of(D, b - D->gaps);
                 for (long r = i; r < i + (a < D->gaps ? 1 : rows_of(D, a - D->gaps)); r++)
                     for (long c = j; c < j + (b < D->gaps ? 1 : rows_of(D, b - D->gaps)); c++) in[b] |= fabs(D->W[r * n + c]) > NIL * sqrt(D->W[r * (n + 1)] * D->W[c * (n + 1)]);

@@ -21,11 +21,11 @@
 /* What is decided by, at one place; frictions: first those along lines, then those in planes, then those of patches, by their `pressure`. Limits may grow with `magnitudes` too, those of forces (3 each), which are `force` and
    what reactions add to it. */
 typedef struct {
-    long n, gaps, lines, planes, frictions, magnitudes;
+    long n, valves, gaps, lines, planes, frictions, magnitudes; /* valves: the first gaps, see index.h */
     const double *gap, *rate, *free, *W, *J, *hold, *hold_by, *slide, *slide_by, *kind, *back, *bounce, *terms;
     const double *force, *force_by, *hold_size, *slide_size, *pressure;
     const double *gap_noise, *rate_noise;
-    const double *values, *rates, *own; /* (n, n), (n, n), (n): see index.h; own: null where it is the diagonal of W */
+    const double *values, *rates, *own; /* of valves (v, v), (v, v), (n): see index.h; own: null where it is the diagonal of W */
 } Decision;
 
 enum Law {
@@ -38,7 +38,7 @@ enum Law {
     STARTS  /* friction that is at its limit: in the direction that is found */
 };
 
-enum ImpactLaw { NO_IMPACT = -1, BY_POISSON, BY_NEWTON, BY_ENERGY, ONE_BY_ONE = 4, NO_GAP = 8 }; /* of gaps, their `kind`; none: what has no rate, and holds at once; one by one and no gap: with others */
+enum ImpactLaw { BY_POISSON, BY_NEWTON, BY_ENERGY, ONE_BY_ONE = 4, NO_GAP = 8 }; /* of gaps, their `kind`; one by one and no gap: with others */
 
 /* A problem. law (gaps + frictions); along (3 each): of frictions, what acts against the slip, with the sign turned and by the limit: its direction, but of patches; floor (gaps): least reactions, null: zero; constants: whether limits
    count that do not grow with reactions. Results: law, along, push (n), rate (n). centre (n): what damping draws to. work: n n + 5 n. */
@@ -57,10 +57,10 @@ static double unit_of(double compliance) { return compliance > 0 ? sqrt(complian
 /* What a row's own reaction does to it, or something of that unit where it does nothing. */
 static double own_of(const Decision *D, long i) { return D->own ? D->own[i] : D->W[i * D->n + i]; }
 
-/* The largest of reactions (n) and of what rows are without them, in units of rows. */
-static double largest_in(const Decision *D, const double *push) {
+/* The largest of reactions (n) and of what rows are without them, in units of rows, from the `first` to before the `last` one. */
+static double largest_in(const Decision *D, const double *push, long first, long last) {
     double largest = 0;
-    for (long i = 0; i < D->n; i++) {
+    for (long i = first; i < last; i++) {
         double unit = unit_of(own_of(D, i));
         largest = fmax(largest, fmax(fabs(push[i]) * unit, fabs(D->free[i]) / unit));
     }
@@ -366,7 +366,7 @@ static int answers(const Problem *p) {
         double unit = unit_of(own_of(D, i));
         if (p->law[i] == HOLDS && (p->push[i] - floor_of(p, i)) * unit < -far) return 0;
         if (p->law[i] == OPENS && p->rate[i] / unit < -far) return 0;
-        int exact = D->kind[i] == NO_IMPACT; /* else it grows without end where friction turns it round */
+        int exact = i < D->valves; /* else it grows without end where friction turns it round */
         if (p->law[i] == HOLDS && !(fabs(p->rate[i]) / unit <= (exact ? FITS : sqrt(FITS)) * rate + (exact ? SPENT * EPS : FITS) * force)) return 0;
     }
     for (long f = 0; f < D->frictions; f++) {
@@ -522,6 +522,21 @@ static int damped_answer(const Problem *p, const long *asked) {
     return 0;
 }
 
+/* The same of valves alone, whose laws are OFF or MAY_HOLD, or HOLDS: which hold is all that is asked. */
+static int choose_valves(const Problem *p, long *place, double *table, long *basis) {
+    Decision D = *p->D;
+    Problem own = *p;
+    D.gaps = D.valves;
+    D.lines = D.planes = D.frictions = D.magnitudes = 0;
+    own.D = &D;
+    own.damping = 0;
+    memset(p->push, 0, sizeof(double) * (size_t)D.n);
+    memset(p->centre, 0, sizeof(double) * (size_t)D.n);
+    if (!choose_lines(&own, place, table, basis)) return 0;
+    find_rates(&own);
+    return answers(&own);
+}
+
 /* Solves a problem whose laws are OFF, MAY_HOLD, MAY_SLIDE or AGAINST: then they are OFF, AGAINST, HOLDS, OPENS or STARTS. `place` (n): room. Returns whether
    there is an answer; ROUGHLY, where it has not settled, since what slips does so hardly at all. */
 static int complementary(const Problem *p, long *place, double *table, long *basis) {
@@ -530,10 +545,6 @@ static int complementary(const Problem *p, long *place, double *table, long *bas
     memcpy(asked, p->law, sizeof(long) * (size_t)(D->gaps + D->frictions));
     memset(p->centre, 0, sizeof(double) * (size_t)n);
     int chosen = D->frictions == D->lines && D->magnitudes == 0 && choose_lines(p, place, table, basis);
-    if (chosen && D->own) { /* which hold is all that is asked */
-        find_rates(p);
-        return answers(p);
-    }
     if (!chosen)
         for (long i = 0; i < n; i++) p->push[i] = i < D->gaps && asked[i] == MAY_HOLD ? floor_of(p, i) : 0;
     double last = INFINITY;

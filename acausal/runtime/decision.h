@@ -69,8 +69,8 @@ static long doubles_of_room(const Integrator *I) {
 
 static long longs_of_room(const Integrator *I) { return 5 * (reactions_of(I) + frictions_of(I)) + 1; }
 
-/* Results of the decision's kernel of which it is known what rounding makes of them: gaps and rates, and accelerations where the index changes. */
-static long counted_of(const Integrator *I) { return I->one_sided + (I->changes_index ? 2 : 1) * reactions_of(I); }
+/* Results of the decision's kernel of which it is known what rounding makes of them: gaps and rates, and what valves are without reactions. */
+static long counted_of(const Integrator *I) { return I->one_sided + reactions_of(I) + I->valves; }
 
 static int make_modes(Integrator *I) {
     struct State *T = I->state;
@@ -102,14 +102,17 @@ static int make_modes(Integrator *I) {
     T->at_rest = reserve_doubles(I, I->one_sided);
     T->basis = reserve(I, sizeof(long) * (size_t)(2 * most + 2));
     T->status = reserve(I, sizeof(long) * (size_t)longs_of_room(I));
-    if (I->changes_index) {
+    if (I->valves) {
+        long v = I->valves;
         T->row_unit = reserve_doubles(I, n);
-        T->row_terms = reserve_doubles(I, n);
-        T->free_noise = reserve_doubles(I, n);
-        T->index_work = reserve_doubles(I, 4 * n * n + 2 * n);
-        T->index_rows = reserve(I, sizeof(long) * (size_t)(3 * n));
-        T->index_found = reserve(I, sizeof(long) * (size_t)n);
-        if (!I->counted && !(T->row_unit && T->row_terms && T->free_noise && T->index_work && T->index_rows && T->index_found)) return 0;
+        T->row_terms = reserve_doubles(I, v);
+        T->free_noise = reserve_doubles(I, v);
+        T->given_push = reserve_doubles(I, n);
+        T->given_free = reserve_doubles(I, n);
+        T->index_work = reserve_doubles(I, 4 * v * v + 2 * v);
+        T->index_rows = reserve(I, sizeof(long) * (size_t)(3 * v));
+        T->index_found = reserve(I, sizeof(long) * (size_t)(I->one_sided + F));
+        if (!I->counted && !(T->row_unit && T->row_terms && T->free_noise && T->given_push && T->given_free && T->index_work && T->index_rows && T->index_found)) return 0;
     }
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
     return I->counted || (T->decided && T->decided_noise && T->alone && T->decided_rounds && T->decided_from && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->first_rate && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
@@ -135,8 +138,8 @@ static Problem problem_of(const Integrator *I, const Decision *D, Room R, const 
 
 /* Parts of the results of the decision's kernel, or of their changes; `noise`: of gaps and rates, or null. */
 static Decision decision_of(const Integrator *I, const double *at, const double *noise) {
-    long gaps = I->one_sided, m = frictions_of(I), n = reactions_of(I);
-    Decision D = {.n = n, .gaps = gaps, .lines = I->lines, .planes = I->planes, .frictions = m, .magnitudes = I->magnitudes, .gap = at, .gap_noise = noise, .rate_noise = noise ? noise + gaps : 0};
+    long gaps = I->one_sided, m = frictions_of(I), n = reactions_of(I), v = I->valves;
+    Decision D = {.n = n, .valves = v, .gaps = gaps, .lines = I->lines, .planes = I->planes, .frictions = m, .magnitudes = I->magnitudes, .gap = at, .gap_noise = noise, .rate_noise = noise ? noise + gaps : 0};
     D.rate = at + gaps;
     D.free = D.rate + n;
     D.W = D.free + n;
@@ -154,9 +157,9 @@ static Decision decision_of(const Integrator *I, const double *at, const double 
     D.slide_size = D.hold_size + m * I->magnitudes;
     D.pressure = D.slide_size + m * I->magnitudes;
     D.values = D.pressure + I->patches;
-    D.rates = D.values + n * n;
-    if (I->changes_index) D.own = I->state->row_unit;
-    D.terms = D.values + (I->changes_index ? 2 * n * n : 0);
+    D.rates = D.values + v * v;
+    if (v) D.own = I->state->row_unit;
+    D.terms = D.rates + v * v;
     return D;
 }
 
@@ -204,20 +207,25 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     }
     memcpy(T->decided_noise, T->decided_rounds, sizeof(double) * (size_t)first);
     *D = decision_of(I, T->decided, T->decided_noise);
-    if (I->changes_index) {
+    if (I->valves) {
         find_units(I, D);
-        for (long i = 0; i < n; i++) T->free_noise[i] = fmax(T->decided_rounds[gaps + n + i], TOUCHES * EPS * T->row_terms[i]);
+        for (long i = 0; i < I->valves; i++) T->free_noise[i] = fmax(T->decided_rounds[gaps + n + i], TOUCHES * EPS * T->row_terms[i]);
     }
     for (long i = 0; i < gaps; i++) {
         T->gap_terms[i] = fmax(D->terms[i], 0);
         T->decided_noise[i] = fmax(T->decided_noise[i], (T->begun ? 2 : TOUCHES) * EPS * T->gap_terms[i]); /* where things are put is rounded too */
     }
+    if (I->valves) { /* what they are without reactions is nothing to others */
+        memcpy(T->given_free, D->free, sizeof(double) * (size_t)n);
+        memset(T->given_free, 0, sizeof(double) * (size_t)I->valves);
+        D->free = T->given_free;
+    }
     double energy = D->bounce[gaps]; /* no rate is larger than the root of 2 W energy, whatever coordinates it is known by: so large is its rounding */
-    for (long i = 0; i < n && energy > 0; i++)
+    for (long i = I->valves; i < n && energy > 0; i++)
         if (D->W[i * n + i] > 0) T->decided_noise[gaps + i] = fmax(T->decided_noise[gaps + i], TOUCHES * EPS * sqrt(2 * D->W[i * n + i] * energy));
     double *push = T->alone; /* what each reaction would be alone */
     for (long j = 0; j < n; j++) push[j] = D->W[j * n + j] > 0 ? fabs(D->free[j]) / D->W[j * n + j] : 0;
-    for (long i = 0; i < n; i++) { /* what has been held at rest for a step has moved by the rounding of accelerations that cancel */
+    for (long i = I->valves; i < n; i++) { /* what has been held at rest for a step has moved by the rounding of accelerations that cancel */
         double cancel = fabs(D->free[i]);
         for (long j = 0; j < n; j++) cancel += fabs(D->W[i * n + j]) * push[j];
         if (cancel < INFINITY) T->decided_noise[gaps + i] = fmax(T->decided_noise[gaps + i], TOUCHES * EPS * cancel * T->pace);

@@ -13,7 +13,7 @@
 #define SLIP_ENDS 1e-14
 static int impact_law(const Decision *D, long i) { return (int)D->kind[i] & 3; }
 static int is_alone(const Decision *D, long i) { return D->kind[i] > 0 && ((int)D->kind[i] & ~NO_GAP) >= BY_ENERGY; }
-static int is_plain(const Decision *D, long i) { return D->kind[i] < 0 || ((int)D->kind[i] & ~NO_GAP) == BY_POISSON; }
+static int is_plain(const Decision *D, long i) { return ((int)D->kind[i] & ~NO_GAP) == BY_POISSON; }
 static int is_speed(const Decision *D, long i) { return D->kind[i] >= NO_GAP; } /* that must not be negative, of what has no gap */
 
 static int make_impacts(Integrator *I) {
@@ -23,7 +23,7 @@ static int make_impacts(Integrator *I) {
 }
 
 /* Whether a law takes part in an impact of all that touch together, or of one gap `only`. */
-static int takes_part(const Decision *D, const long *touching, long only, long k) { return touching[k] && (k >= D->gaps || (only < 0 ? !is_alone(D, k) : k == only)); }
+static int takes_part(const Decision *D, const long *touching, long only, long k) { return touching[k] && k >= D->valves && (k >= D->gaps || (only < 0 ? !is_alone(D, k) : k == only)); }
 
 /* All that touch at once, or one gap `only`: `rate` becomes that after it, `total` grows. Limits of friction that do not grow with impulses are nothing beside them. */
 static int strike_together(Integrator *I, const Decision *D, Room R, long only, double *rate, double *total) {

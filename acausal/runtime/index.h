@@ -9,32 +9,30 @@
 #define CANCELS 1e-12 /* of its terms, what is zero */
 
 /* Where the masks begin: how much later, P, Q by rows. */
-static long index_of(const Integrator *I) {
-    long n = reactions_of(I);
-    return first_discrete(I) - 1 - 2 * n * n;
-}
+static long index_of(const Integrator *I) { return mask_of_size(I, I->magnitudes); }
 
-/* What each row's own reaction does to it, or something of that unit where it does nothing, into T->row_unit (n). What it does at once counts, then what it does with others that
+/* What each row's own reaction does to it, or of valves something of that unit where it does nothing, into T->row_unit (n). What it does at once counts, then what it does with others that
    are known, then what it does later. */
 static void find_units(Integrator *I, const Decision *D) {
     double *own = I->state->row_unit;
     const double *W = D->W;
-    long n = reactions_of(I);
-    for (long i = 0; i < n; i++) I->state->row_terms[i] = -D->terms[i];
+    long n = D->n, v = I->valves;
+    for (long i = v; i < n; i++) own[i] = W[i * n + i];
+    for (long i = 0; i < v; i++) I->state->row_terms[i] = -D->terms[i];
     if (!(I->state->side[index_of(I)] > 0) && own[0] > 0) return;
-    for (long i = 0; i < n; i++) own[i] = fmax(D->values[i * n + i], 0);
-    for (long again = 0; again <= 2 * n; again++) {
+    for (long i = 0; i < v; i++) own[i] = fmax(D->values[i * v + i], 0);
+    for (long again = 0; again <= 2 * v; again++) {
         int found = 0;
-        for (long i = 0; i < n; i++) {
+        for (long i = 0; i < v; i++) {
             double most = 0;
-            for (long j = 0; j < n && !(own[i] > 0); j++)
+            for (long j = 0; j < v && !(own[i] > 0); j++)
                 if (own[j] > 0) most = fmax(most, fabs(W[i * n + j] * W[j * n + i]) / own[j]);
             if (most > 0) own[i] = fmax(most, W[i * n + i]), found = 1;
         }
-        for (long i = 0; i < n && !found; i++)
+        for (long i = 0; i < v && !found; i++)
             if (!(own[i] > 0) && W[i * n + i] > 0) own[i] = W[i * n + i], found = 1;
     }
-    for (long i = 0; i < n; i++)
+    for (long i = 0; i < v; i++)
         if (!(own[i] > 0)) own[i] = 1;
 }
 
@@ -94,7 +92,7 @@ static int invert_whole(double *G, double *B, double *x, long *column, long k) {
 /* P and Q of the rows that hold in the mode that has been set, into the masks. 0 where rows say nothing of reactions, nor do their rates. */
 static int combine_rows(Integrator *I, const Decision *D) {
     struct State *T = I->state;
-    long n = reactions_of(I), k = 0, *row = T->index_rows, *column = row + n;
+    long n = I->valves, k = 0, *row = T->index_rows, *column = row + n;
     double *P = T->side + index_of(I) + 1, *Q = P + n * n, *A = T->index_work, *C = A + n * n, *G = C + n * n, *B = G + n * n, *x = B + n * n;
     memset(P, 0, sizeof(double) * (size_t)(2 * n * n));
     for (long i = 0; i < n; i++)
@@ -131,8 +129,8 @@ static int combine_rows(Integrator *I, const Decision *D) {
 
 /* The same. Where valves that block leave a potential open, or those that conduct a current, some that do neither, by what is decided, do the other thing. */
 static int combine_others(Integrator *I, const Decision *D, const double *push, const double *rate) {
-    double *side = I->state->side, most = largest_in(D, push);
-    long n = reactions_of(I), *undecided = I->state->index_rows + 2 * n, count = 0;
+    double *side = I->state->side, most = largest_in(D, push, 0, I->valves);
+    long n = I->valves, *undecided = I->state->index_rows + 2 * n, count = 0;
     if (combine_rows(I, D)) return 1;
     for (long i = 0; i < n; i++)
         if (fabs(push[i]) * unit_of(own_of(D, i)) <= FITS * most && fabs(rate[i]) / unit_of(own_of(D, i)) <= FITS * most) undecided[count++] = i;
@@ -148,6 +146,27 @@ static int combine_others(Integrator *I, const Decision *D, const double *push, 
     return 0;
 }
 
+static int decision_at(Integrator *I, double t, const double *x, Decision *D);
+
+/* What valves alone are decided by, so much later, by an implicit step, with the reactions of others, T->given_push; 0 when the input function failed. */
+static int valves_later(Integrator *I, double later, Decision *D) {
+    struct State *T = I->state;
+    T->side[index_of(I)] = later;
+    int known = decision_at(I, I->t + later, I->x, D);
+    T->side[index_of(I)] = 0;
+    if (!known) return 0;
+    const double *alone = decision_of(I, T->decided, 0).free;
+    for (long i = 0; i < D->n; i++) {
+        T->given_free[i] = i < D->valves ? alone[i] : 0;
+        for (long j = D->valves; j < D->n && i < D->valves; j++) {
+            double by = D->W[i * D->n + j] * T->given_push[j];
+            T->given_free[i] += by;
+            T->free_noise[i] += TOUCHES * EPS * fabs(by);
+        }
+    }
+    return 1;
+}
+
 #define SHUT 2 /* in place of a gap: what blocks stays so, whatever it holds back */
 
 /* Of valves that are turned round and whose gates are shut those that conduct go on to, as long as something flows, and those that block do. How many of these there are; -1 when the input
@@ -155,7 +174,7 @@ static int combine_others(Integrator *I, const Decision *D, const double *push, 
 static int hold_shut(Integrator *I, const Decision *D, long *law) {
     struct State *T = I->state;
     int count = 0, known = 0;
-    for (long i = 0; i < D->gaps; i++) {
+    for (long i = 0; i < I->valves; i++) {
         if (D->gap[i] != SHUT) continue;
         if (!known++ && T->begun && !rows_at(I, I->t, I->x)) return -1;
         int flows = T->begun ? T->side[i] == 0 && T->one_row[i] > T->row_noise[i] : D->free[i] > T->free_noise[i];
@@ -174,9 +193,9 @@ static void gather_rows(Integrator *I, const Decision *D, const long *row, long 
         for (long b = 0; b < k; b++) I->state->index_work[a * k + b] = D->W[row[a] * D->n + row[b]] / sqrt(unit[row[a]] * unit[row[b]]);
 }
 
-/* Rows that hold, into `row`, without those that depend on others: these open. How many; the inverse of their compliance is in T->index_work + n n. */
+/* Valves that hold, into `row`, without those that depend on others: these open. How many; the inverse of their compliance is in T->index_work + n n. */
 static long independent_rows(Integrator *I, const Decision *D, long *law, long *row) {
-    long n = D->n, k = 0, *column = row + n, rank;
+    long n = I->valves, k = 0, *column = row + n, rank;
     double *G = I->state->index_work, *B = G + n * n;
     for (long i = 0; i < n; i++)
         if (law[i] == HOLDS) row[k++] = i;
@@ -193,43 +212,43 @@ static long independent_rows(Integrator *I, const Decision *D, long *law, long *
     }
 }
 
-/* What these laws are solved by, those among them that are `asked` to hold whatever that takes; `push` and `rate` (n), row by row as exact as rounding allows. The first row that does not hold as it should, or does not stay open; n: none. */
+/* What the laws of valves are solved by, those among them that are `asked` to hold whatever that takes; their `push` and `rate`, row by row as exact as rounding allows. The first valve that does not hold as it should, or does not stay open; none: their number. */
 static long first_wrong(Integrator *I, const Decision *D, const long *asked, long *law, double *push, double *rate) {
     struct State *T = I->state;
-    long n = D->n, *row = T->index_rows, k = independent_rows(I, D, law, row), wrong = n;
-    double *B = T->index_work + n * n, *noise = B + n * n + n;
-    for (long i = 0; i < n; i++) push[i] = noise[i] = 0;
+    long v = I->valves, n = D->n, *row = T->index_rows, k = independent_rows(I, D, law, row), wrong = v;
+    double *B = T->index_work + v * v, *noise = B + v * v + v;
+    for (long i = 0; i < v; i++) push[i] = noise[i] = 0;
     for (long a = 0; a < k; a++)
         for (long b = 0; b < k; b++) {
             double part = B[a * k + b] / sqrt(T->row_unit[row[a]] * T->row_unit[row[b]]);
             push[row[a]] -= part * D->free[row[b]];
             noise[row[a]] += fabs(part) * T->free_noise[row[b]];
         }
-    for (long i = n - 1; i >= 0; i--) {
+    for (long i = v - 1; i >= 0; i--) {
         double sum = D->free[i], rounds = T->free_noise[i];
-        for (long j = 0; j < n; j++) sum += D->W[i * n + j] * push[j], rounds += fabs(D->W[i * n + j]) * noise[j];
+        for (long j = 0; j < v; j++) sum += D->W[i * n + j] * push[j], rounds += fabs(D->W[i * n + j]) * noise[j];
         rate[i] = law[i] == HOLDS ? 0 : sum;
         if (law[i] == HOLDS ? asked[i] != HOLDS && push[i] < -noise[i] : law[i] == OPENS && sum < -rounds) wrong = i;
     }
     return wrong;
 }
 
-/* Laws from those that are given on: what is wrong is turned round, one after the other, the first first (Murty, Linear Complementarity, Linear and Nonlinear Programming, 1988, 4.1). Whether
+/* Laws of valves from those that are given on: what is wrong is turned round, one after the other, the first first (Murty, Linear Complementarity, Linear and Nonlinear Programming, 1988, 4.1). Whether
    that has come to an end. */
 static int settle_rows(Integrator *I, const Decision *D, const long *asked, long *law, double *push, double *rate) {
     for (long flips = 0; flips < FLIPS; flips++) {
         long wrong = first_wrong(I, D, asked, law, push, rate);
-        if (wrong == D->n) return 1;
+        if (wrong == I->valves) return 1;
         law[wrong] = law[wrong] == HOLDS ? OPENS : HOLDS;
     }
     return 0;
 }
 
-/* What rounding makes of a row in the mode that has been set. */
+/* What rounding makes of a valve's row in the mode that has been set. */
 static double rounding_of_row(const Integrator *I, long i) {
     const struct State *T = I->state;
-    const double *P = T->side + index_of(I) + 1 + i * reactions_of(I);
+    const double *P = T->side + index_of(I) + 1 + i * I->valves;
     double terms = T->side[i] == 1 ? 0 : T->row_terms[i];
-    for (long j = 0; j < reactions_of(I) && T->side[i] == 1; j++) terms += fabs(P[j]) * T->row_terms[j];
+    for (long j = 0; j < I->valves && T->side[i] == 1; j++) terms += fabs(P[j]) * T->row_terms[j];
     return TOUCHES * EPS * terms;
 }

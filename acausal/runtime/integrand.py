@@ -116,7 +116,7 @@ class Integrand:
             "promised": int(self.unheld_exact is not None),
             "through": 0 if self.unheld_exact is None else self.unheld_exact.through.value,
             "held": self.held, "row_count": self.row_switch.size, "masks": self.masks, "mode_rows": self.mode_rows,
-            **{name: 0 if self.modes is None else int(getattr(self.modes, name)) for name in ("one_sided", "lines", "planes", "patches", "magnitudes", "redundant", "changes_index", "discretes", "set_count")},
+            **{name: 0 if self.modes is None else int(getattr(self.modes, name)) for name in ("one_sided", "lines", "planes", "patches", "magnitudes", "redundant", "valves", "discretes", "set_count")},
         }  # fmt: skip
 
     @functools.cached_property

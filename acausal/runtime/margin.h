@@ -353,12 +353,6 @@ static int decision_later(Integrator *I, double later, Decision *D) {
     struct State *T = I->state;
     double *x = T->later_x;
     if (later == 0) return decision_at(I, I->t, I->x, D);
-    if (I->changes_index) {
-        T->side[index_of(I)] = later;
-        int found = decision_at(I, I->t + later, I->x, D);
-        T->side[index_of(I)] = 0;
-        return found;
-    }
     if (!rate_at(I, I->t, I->x, T->rate)) return 0;
     for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + 0.5 * later * T->rate[i];
     if (!rate_at(I, I->t + 0.5 * later, x, T->rate)) return 0; /* what is at its threshold by its rate too passes it by the next */
@@ -499,7 +493,7 @@ static int hold_more(Integrator *I, const Decision *D, const long *asked, long *
     for (int pass = 0; pass < 3; pass++) { /* what held goes on to, if that may be; what is found to; whatever might, here and now */
         memset(seen, 0, sizeof(long) * (size_t)laws);
         for (long k = 0; k < laws; k++) {
-            int may = (asked[k] == MAY_HOLD || asked[k] == MAY_SLIDE) && !(k < D->gaps && D->kind[k] == NO_IMPACT); /* what has no rate is never at rest */
+            int may = asked[k] == MAY_HOLD || asked[k] == MAY_SLIDE;
             given[k] = law[k] == STARTS ? AGAINST : law[k];
             if (may && (pass == 2 || (!moves[k] && (law[k] == STARTS || (stays[k] && pass == 0) || may_press(D, k, given))))) given[k] = HOLDS;
         }

@@ -37,8 +37,8 @@ static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
     memset(T->no_change, 0, sizeof(double) * (size_t)I->decision.outputs);
     for (int slides = 1; slides >= 0; slides--) { /* where friction that slides leaves no answer, without it */
         double open = 0, most = 0;
-        for (long i = 0; i < n; i++) R.push[i] = i < D->gaps && R.touching[i];
-        for (long i = 0; i < D->gaps; i++) R.law[i] = R.touching[i] ? HOLDS : OFF;
+        for (long i = 0; i < n; i++) R.push[i] = i >= D->valves && i < D->gaps && R.touching[i];
+        for (long i = 0; i < D->gaps; i++) R.law[i] = R.push[i] == 1 ? HOLDS : OFF;
         for (long f = 0; f < D->frictions; f++) R.law[D->gaps + f] = !(limit_of(&p, f) > 0) ? OFF : R.touching[D->gaps + f] == 1 ? HOLDS : slides ? AGAINST : OFF;
         for (int again = 0; again < REFINED; again++) { /* of redundant rows damping leaves something open */
             for (long i = 0; i < n; i++) {
@@ -51,7 +51,7 @@ static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
         for (long i = 0; i < D->gaps; i++) {
             double rate = D->rate[i], unit = unit_of(own_of(D, i));
             for (long j = 0; j < n; j++) rate += D->W[i * n + j] * R.before[j];
-            if (!R.touching[i]) continue;
+            if (R.law[i] == OFF) continue;
             most = fmax(most, fabs(D->rate[i]) / unit);
             open = isfinite(rate) ? fmax(open, fabs(rate) / unit) : INFINITY;
         }
@@ -92,7 +92,7 @@ static void look_at_slips(Integrator *I, const Decision *D, Room R, long row, co
 static double yield_of(const Decision *D, Room R, long gap) {
     long n = D->n, m = 0, *row = R.place;
     double *A = R.work;
-    for (long i = 0; i < D->gaps; i++)
+    for (long i = D->valves; i < D->gaps; i++)
         if (i != gap && R.law[i] == HOLDS) row[m++] = i;
     for (long f = 0; f < D->frictions; f++)
         for (long k = 0; k < rows_of(D, f) && R.law[D->gaps + f] == HOLDS; k++) row[m++] = row_of(D, f) + k;
@@ -138,11 +138,11 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
     for (long i = 0; i < D->gaps; i++) holds |= I->state->side[i] == 1;
     if (!I->magnitudes && !holds) return REACHED_END;
     if (!rows_at(I, I->t, I->x)) return INPUT_FAILED;
-    double most = largest_in(D, R.push);
+    double valves = largest_in(D, R.push, 0, D->valves), others = largest_in(D, R.push, D->valves, D->n);
     for (long i = 0; i < D->gaps; i++) { /* in this mode the equations may say something else: then it is none */
-        double unit = unit_of(own_of(D, i));
+        double unit = unit_of(own_of(D, i)), most = i < D->valves ? valves : others;
         if (I->state->side[i] != 1 || !(I->state->one_row[i] * unit < -ATTRACTS * most) || I->state->one_row[i] >= -I->state->row_noise[i]) continue;
-        int soon = D->kind[i] == NO_IMPACT ? holds_soon(I, i) : 0;
+        int soon = i < D->valves ? holds_soon(I, i) : 0;
         if (soon < 0) return INPUT_FAILED;
         if (soon) continue;
         I->worst = i;
@@ -167,7 +167,7 @@ static int strike_without_closing(Integrator *I, Room R) {
     if (!frictions_of(I) || !decision_at(I, I->t, I->x, &D)) return 0;
     Problem p = problem_of(I, &D, R, start);
     p.kinetic = 1;
-    for (long i = 0; i < D.gaps; i++) R.law[i] = R.touching[i] ? MAY_HOLD : OFF;
+    for (long i = 0; i < D.gaps; i++) R.law[i] = i >= D.valves && R.touching[i] ? MAY_HOLD : OFF;
     for (long f = 0; f < D.frictions; f++) {
         long *law = R.law + D.gaps + f;
         *law = OFF;
@@ -350,7 +350,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     Room R = room_of(I);
     long gaps = I->one_sided, n = reactions_of(I), *leaves = T->leaves;
     int impacts = 0;
-    if (I->changes_index && T->begun) project(I, I->t, I->x); /* what has been held at zero through states is where it may change */
+    if (I->valves && T->begun) project(I, I->t, I->x); /* what has been held at zero through states is where it may change */
     if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
     for (long i = 0; i < gaps; i++) {
         R.touching[i] = D.gap[i] <= D.gap_noise[i] || (T->side[i] == 1 && !has_jumped(I, &D, i)) || i == row;

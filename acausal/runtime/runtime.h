@@ -119,7 +119,7 @@ typedef struct Integrator {
        plane, three for each of the magnitudes that their limits depend on, and the damping of rows that depend on one another, if any do; then `discretes`, which are set. The first `mode_rows` rows are theirs, and the last
        `set_count` of these those of guards at which something is set: guard k, where it passes zero in set_direction[k] (0 both, 1 rising, -1 falling), the targets
        from set_first[k] to set_first[k + 1]: states, or nx + discrete values */
-    long masks, mode_rows, one_sided, lines, planes, patches, magnitudes, redundant, changes_index, discretes, set_count;
+    long masks, mode_rows, one_sided, lines, planes, patches, magnitudes, redundant, valves, discretes, set_count;
     const long *set_direction, *set_first, *set_target;
     const double *discrete_start; /* discrete values at the start; null, or no number: as the kernel says */
     const double *usual; /* 1 / how much a position or velocity of loops is, beside others; 0 for other states; without exact kernels below 0 where loops do not hold it for good */

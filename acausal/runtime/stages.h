@@ -175,7 +175,7 @@ struct State {
     double *decided, *decided_noise; /* results of the decision's kernel, and what rounding makes of them */
     double *alone;                   /* reactions, as if each were the only one */
     V *decided_from;          /* the arguments that these are of, and others that differ by roundings */
-    double *row_unit, *row_terms, *free_noise, *index_work; /* see index.h */
+    double *row_unit, *row_terms, *free_noise, *given_push, *given_free, *index_work; /* see index.h */
     long *index_rows, *index_found;
     double *decided_rounds;   /* what that changes of gaps and rates */
     int *decision_begins;     /* the program of gaps and rates alone; null: there is none */

@@ -51,7 +51,7 @@ static double chance_of(long sample) { return (double)(drawn(sample) >> 29) / 2 
 static int find_drift(Integrator *I, double t, const double *x) {
     struct State *T = I->state;
     struct Sparse *S = &T->sparse;
-    const Kernel *disturbed = I->changes_index ? disturbed_kernel(I, 0) : 0;
+    const Kernel *disturbed = I->valves ? disturbed_kernel(I, 0) : 0;
     long n = I->nx;
     double elapsed = fmax(T->pace, t - fmax(T->changed_at, T->start)), *rounds = T->drift + COUNTED * n, *size = rounds + n, *row = size + n, *kept = row + n;
     if (!disturbed || !(elapsed < INFINITY) || !make_forgetting(I)) return 1;
@@ -107,7 +107,7 @@ static int rows_at(Integrator *I, double t, const double *x) {
     }
     for (long r = 0; r < I->one_sided; r++)
         if (T->side[r] == 0) T->row_noise[r] = fmax(T->row_noise[r], fmax(T->at_rest[r] * fmax(T->pace, t - fmax(T->changed_at, T->start)), 2 * EPS * T->gap_terms[r]));
-    for (long r = 0; r < I->one_sided && I->changes_index; r++) T->row_noise[r] = fmax(T->row_noise[r], rounding_of_row(I, r));
+    for (long r = 0; r < I->valves; r++) T->row_noise[r] = fmax(T->row_noise[r], rounding_of_row(I, r));
     for (long r = 0; r < I->row_count; r++) {
         long overs = T->overs[I->row_switch[r]];
         for (int j = 1; j < POINTS && r >= I->mode_rows && overs > OVERS && T->row_noise[r] == 0; j++) /* what time and states do not show */
