@@ -141,7 +141,7 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
     double valves = largest_in(D, R.push, 0, D->valves), others = largest_in(D, R.push, D->valves, D->n);
     for (long i = 0; i < D->gaps; i++) { /* in this mode the equations may say something else: then it is none */
         double unit = unit_of(own_of(D, i)), most = i < D->valves ? valves : others;
-        if (I->state->side[i] != 1 || !(I->state->one_row[i] * unit < -ATTRACTS * most) || I->state->one_row[i] >= -I->state->row_noise[i]) continue;
+        if (I->state->side[i] != 1 || !(I->state->one_row[i] * unit < -ATTRACTS * most) || I->state->one_row[i] >= -MET * I->state->row_noise[i]) continue;
         int soon = i < D->valves ? holds_soon(I, i) : 0;
         if (soon < 0) return INPUT_FAILED;
         if (soon) continue;

@@ -173,11 +173,9 @@ static int weigh_rows(Integrator *I, long row) {
 /* By what part of themselves a direction moves states and parameters: the largest of all. */
 static double part_of_direction(const Integrator *I, long d) {
     const struct State *T = I->state;
-    double part = 0;
+    double part = part_of_parameters(I, d);
     for (long i = 0; i < I->nx; i++)
         if (T->size[i] > 0) part = fmax(part, fabs(T->D[d / LANES * I->nx + i][d % LANES]) / T->size[i]);
-    for (long i = 0; i < I->np; i++)
-        if (I->parameters[i] != 0) part = fmax(part, fabs(I->dp[d * I->np + i] / I->parameters[i]));
     return part;
 }
 
@@ -208,6 +206,7 @@ static int find_delays(Integrator *I, long row, double planned) {
     if (!rate_at(I, I->t, I->x, T->flow)) return 0;
     for (long i = 0; i < I->nx; i++) x[i] = I->x[i] - little * T->flow[i];
     if (!find_slopes(I, I->t - little, x, little, earlier) || !find_slopes(I, I->t, I->x, little, slopes) || !rows_at(I, I->t, I->x)) return 0;
+    if (T->one_row[row] - little * slopes[row] < -MET * T->row_noise[row]) return 1; /* it has not come to zero, but jumped there when something else did */
     if (!weigh_rows(I, row)) return 0;
     double slope = 0, before = 0, noise = 0;
     for (long r = 0; r < I->mode_rows; r++) {

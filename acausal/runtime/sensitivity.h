@@ -221,6 +221,14 @@ static void sizes_of_variation(const Integrator *I, const Stages *S, double h, l
 
 #define AT_LEAST 1e-3 /* of the motion: where a direction moves a state by less than that part of what it moves most, that much is its size */
 
+/* By what part of themselves a direction moves parameters: the largest of all. */
+static double part_of_parameters(const Integrator *I, long d) {
+    double part = 0;
+    for (long i = 0; i < I->np; i++)
+        if (I->parameters[i] != 0) part = fmax(part, fabs(I->dp[d * I->np + i] / I->parameters[i]));
+    return part;
+}
+
 /* The error of a step of one block of directions in tolerances of what they move each state by, largest of all; `noise` (n) of rates is forgiven. */
 static double error_of_variation(const Integrator *I, const Stages *S, double h, long block, const V *noise) {
     const struct State *T = I->state;
@@ -232,10 +240,10 @@ static double error_of_variation(const Integrator *I, const Stages *S, double h,
     for (long i = 0; i < n; i++)
         if (T->scale[i] > NOTHING) moved = v_larger(moved, size[i] / v_all(T->scale[i]));
     for (long l = 0; l < LANES && block * LANES + l < I->directions; l++) {
-        double largest = 0;
+        double largest = 0, rounded = EPS * part_of_parameters(I, block * LANES + l); /* of states: so little is nothing, as of what is held whatever the parameter is */
         memset(sizes, 0, sizeof sizes);
         for (long i = 0; i < n; i++) {
-            double scale = I->rtol * fmax(size[i][l], T->scale[i] > NOTHING ? AT_LEAST * moved[l] * T->scale[i] : 0);
+            double scale = fmax(I->rtol * fmax(size[i][l], T->scale[i] > NOTHING ? AT_LEAST * moved[l] * T->scale[i] : 0), rounded * T->size[i]);
             for (long k = 0; k < s && scale > 0; k++)
                 sizes[k] = fmax(sizes[k], heard(a[k * n + i][l], (double)(2 * k + 1) * noise[i][l]) * (h / scale));
         }
