@@ -3,6 +3,7 @@
    too: what the motion does not do, a little off it may. Hairer, Norsett, Wanner, Solving ODEs I, section II.6. */
 
 #define UNSTEADY 1e-9 /* what rounding leaves unknown of derivatives of rates next to singular positions, in a step */
+#define FALLEN_OFF 1e-3 /* of a change, which no state falls by in one go */
 #define NOISY 10.0    /* times rounding of rates, what counts as no change of them */
 
 static long direction_blocks(const Integrator *I) { return (I->directions + LANES - 1) / LANES; }
@@ -157,7 +158,9 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block, V *K)
         int going = 0;
         for (long l = 0; l < LANES; l++) {
             if (ready[l]) continue;
+            double before = judgements[l].change;
             enum Verdict v = judge(&judgements[l], changed[l]);
+            if (v == DONE && changed[l] > 1 && changed[l] < FALLEN_OFF * before) v = GO_ON; /* what is left is of another state than what was */
             if (v == DONE && T->newton_now && !has_converged(&judgements[l], missed[l], missed_last[l])) v = judgements[l].count < judgements[l].limit ? GO_ON : HOPELESS;
             if (v == HOPELESS && looked) return 0;
             if (v == HOPELESS) {
