@@ -745,7 +745,9 @@ static enum Code switch_now(Integrator *I, struct Landing *L) {
 
 /* Which part of a step of size h is to be made, so that it ends at a switch: 1 all of it, 0 none, since the step begins there, and has gone over. */
 static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, double *part) {
+    I->state->lands = 1;
     *part = landing(I, S, h, L);
+    I->state->lands = 0;
     if (*part < 0) return *part == -2 ? FALLS : INPUT_FAILED;
     return *part > 0 ? REACHED_END : switch_now(I, L);
 }
@@ -762,6 +764,7 @@ static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
     int ends = 0, failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, landings = 0, refused = -1;
     long doubts = T->doubts;
+    T->drift_known = 0;
     struct Landing L = {.row = -1};
     if (I->max_step > 0) I->h = fmin(I->h, I->max_step);
     double first = fmin(I->h, I->end - I->t);

@@ -272,6 +272,7 @@ struct State {
     int crossed; /* whether a knot has been crossed since modes were decided */
     int delayed; /* whether it is known how much later the present instant is, direction by direction */
     long impacts; /* one after the other, without another change of mode */
+    int lands, drift_known; /* whether a step is landed, and `drift` is known for that */
     long pending; /* row of masks at which the last step ended; -1: none */
     long read_at, event_at;  /* the next times that are read, and of events, while steps are looked through */
 };

@@ -47,14 +47,14 @@ static int make_switches(Integrator *I) {
 static double chance_of(long sample) { return (double)(drawn(sample) >> 29) / 2 - 1.75; }
 
 /* Samples of what rounding of rates has made of states since modes have been decided, into T->drift (COUNTED, nx), where valves change their modes: what nothing else moves is no larger than
-   that. What decays forgets it. Returns 0 when the input function failed. */
+   that. What decays forgets it. To land a step it is found once. Returns 0 when the input function failed. */
 static int find_drift(Integrator *I, double t, const double *x) {
     struct State *T = I->state;
     struct Sparse *S = &T->sparse;
     const Kernel *disturbed = I->valves ? disturbed_kernel(I, 0) : 0;
     long n = I->nx;
     double elapsed = fmax(T->pace, t - fmax(T->changed_at, T->start)), *rounds = T->drift + COUNTED * n, *size = rounds + n, *row = size + n, *kept = row + n;
-    if (!disturbed || !(elapsed < INFINITY) || !make_forgetting(I)) return 1;
+    if (!disturbed || !(elapsed < INFINITY) || (T->lands && T->drift_known) || !make_forgetting(I)) return 1;
     for (long i = 0; i < n; i++) size[i] = fabs(x[i]);
     if (!rounding_of(I, disturbed, t, x, size, rounds)) return 0;
     for (long i = 0; i < n; i++) {
@@ -74,6 +74,7 @@ static int find_drift(Integrator *I, double t, const double *x) {
         for (long i = 0; i < n; i++)
             for (long l = 0; l < LANES; l++) T->drift[(first + l) * n + i] = isfinite(out[i][l]) ? out[i][l] : 0;
     }
+    T->drift_known = T->lands;
     return 1;
 }
 
