@@ -288,3 +288,25 @@ def test_choppers_are_read_in_the_instants_of_their_switches_as_they_are_right_a
     assert np.isin(np.round(run.transitions.times / 5e-5), np.round(run.t / 5e-5)).mean() > 0.9
     assert np.min(run[scene.valve.i]) > -1e-9 * size and np.max(run[scene.valve.v]) < 1e-6
     assert run.energy_error() < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_run_that_ends_where_a_source_jumps_is_read_on_the_side_that_it_ended_with(seed: int) -> None:
+    """Whichever side rounding of its end is on: at a multiple of half a period from the zero of a phase on."""
+    g = np.random.default_rng(seed)
+    scene: Any = ac.System()
+    w, phase = ac.Parameter(1.0), ac.Parameter(0.0)
+    scene.mains, scene.load, scene.store = (
+        VoltageSource(3.0 * (np.sin(w * ac.time + phase) > 0) - 1.0),
+        Resistor(2.0),
+        Capacitor(0.1),
+    )
+    scene.ground = Ground()
+    scene.connect(scene.mains.pin_a, scene.load.pin_a)
+    scene.connect(scene.load.pin_b, scene.store.pin_a)
+    scene.connect(scene.store.pin_b, scene.mains.pin_b, scene.ground.pin)
+    model = ac.build(scene)
+    for _ in range(10):
+        rate, begin, halves = 10 ** g.uniform(0, 4), g.uniform(0, np.pi), int(g.integers(2, 20))
+        run = model.simulate((halves * np.pi - begin) / rate, {scene.store.v: 0.0}, parameters={w: rate, phase: begin}, samples=3)
+        assert run[scene.mains.v].ravel()[-1] == (2.0 if halves % 2 else -1.0)

@@ -166,9 +166,13 @@ class Trajectory:
 
     @functools.cached_property
     def _clock(self) -> np.ndarray:
-        """`t`, but within rounding of a change of mode a little before or after it, as modes are there: conditions, which go over there too, are seen alike. The same where there are none."""
+        """`t`, but within rounding of a change of mode a little before or after it, as modes are there, and of the end before it: conditions, which go over there too, are seen alike. The same where
+        there are none."""
         met, t = self.solution.modes, self.t
-        changes = np.zeros(0) if met is None or self.functions.integrand.switching is None else met.begins[1:]
+        if self.functions.integrand.switching is None:
+            return t
+        t = np.minimum(t, self.solution.beside(self.solution.t[-1:], -_LOCATED))
+        changes = np.zeros(0) if met is None else met.begins[1:]
         for k in (0, -1) if changes.size else ():
             there = changes[np.clip(np.searchsorted(changes, self.t, side="right") + k, 0, changes.size - 1)]
             before, after = (self.solution.beside(there, side * _LOCATED) for side in (-1, 1))
