@@ -23,6 +23,7 @@ from acausal.errors import OptionError
 from acausal.language.component import Component, System
 from acausal.language.expression import Expression, Reaction
 from acausal.language.when import when
+from acausal.numerics.staged import plain
 from acausal.outputs.expression_names import expression_name, expression_unit
 from acausal.outputs.functions import Functions, Reading
 from acausal.outputs.outputs import Outputs
@@ -166,12 +167,17 @@ class Trajectory:
 
     @functools.cached_property
     def _clock(self) -> np.ndarray:
-        """`t`, but within rounding of a change of mode a little before or after it, as modes are there, and of the end before it: conditions, which go over there too, are seen alike. The same where
-        there are none."""
-        met, t = self.solution.modes, self.t
-        if self.functions.integrand.switching is None:
+        """`t`, but within rounding of a change of mode a little before or after it, as modes are there, and of the end before it where conditions go over: they are seen alike. The same where there are
+        none."""
+        met, t, switching = self.solution.modes, self.t, self.functions.integrand.switching
+        if switching is None:
             return t
-        t = np.minimum(t, self.solution.beside(self.solution.t[-1:], -_LOCATED))
+        last = self.solution.beside(self.solution.t[-1:], -_LOCATED)
+        for k in np.flatnonzero(t > last):
+            here, before = (
+                np.array(plain(switching.sides)(at, self.x[:, k], self.u[:, k], self.problem.parameters)) for at in (t[k], last)
+            )
+            t = np.where((np.arange(t.size) == k) & np.any(here != before), last, t)
         changes = np.zeros(0) if met is None else met.begins[1:]
         for k in (0, -1) if changes.size else ():
             there = changes[np.clip(np.searchsorted(changes, self.t, side="right") + k, 0, changes.size - 1)]
