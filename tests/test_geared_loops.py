@@ -8,7 +8,18 @@ from scipy.integrate import solve_ivp
 
 import acausal as ac
 from acausal.errors import LockedError, ParameterError, StartValueError
-from components import AngleSource, Gear, Inertia, Revolute, RigidBody, World
+from components import (
+    AngleSource,
+    Cable,
+    Gear,
+    Inertia,
+    Prismatic,
+    RackAndPinion,
+    Revolute,
+    RigidBody,
+    Spherical,
+    World,
+)
 
 G, LENGTH = 9.81, 0.5
 
@@ -87,4 +98,32 @@ def test_two_drives_of_a_parallelogram_are_refused_since_they_may_differ_later(o
     for drive, hinge in zip(scene.drives, scene.hinges, strict=False):
         scene.connect(drive.flange, hinge.flange)
     with pytest.raises(LockedError, match="hold joints that loops hold already"):
+        ac.build(scene)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_rack_between_joints_that_loops_hold_at_rest_is_held_to_rounding_and_nothing_warns(size):
+    g = np.random.default_rng(0)
+    scene, place = ac.System(), lambda: size * g.normal(size=3)
+    scene.world = World((0, 0, -G * size))
+    scene.bodies = [RigidBody.box(1.0, (size,) * 3, position=place()) for _ in range(3)]
+    scene.hinge = Revolute.between(scene.world, scene.bodies[0], at=place(), axis=g.normal(size=3))
+    scene.slide = Prismatic.between(scene.world, scene.bodies[1], at=place(), axis=g.normal(size=3))
+    scene.pins = [Spherical.between(scene.world, body, at=place()) for body in scene.bodies[:2]]
+    scene.swing = Revolute.between(scene.world, scene.bodies[2], at=place(), axis="y")
+    scene.rack = RackAndPinion(0.3 * size)
+    scene.connect(scene.hinge.flange, scene.rack.pinion)
+    scene.connect(scene.slide.flange, scene.rack.rack)
+    run = ac.build(scene).simulate(0.5)
+    assert np.max(np.abs(run[scene.hinge.q])) < 1e-12 < np.max(np.abs(run[scene.swing.q]))
+
+
+def test_a_cable_that_locks_a_hinge_is_named_and_so_are_flanges_where_there_are_any():
+    scene = ac.System()
+    scene.world, scene.rod, scene.hinge, scene.cable = World(), RigidBody.rod(1.0, (1, 0, 0)), Revolute("y"), Cable(1.5)
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.world.at((0, 0, 1)), scene.cable.frame_a)
+    scene.connect(scene.cable.frame_b, scene.rod.tip)
+    with pytest.raises(LockedError, match="gears, cables and sources, from 'connection of cable"):
         ac.build(scene)

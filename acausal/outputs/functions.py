@@ -24,6 +24,7 @@ from acausal.language.when import when
 from acausal.numerics.folding import folded_function
 from acausal.numerics.staged import Function, Staged, operations_of, operations_of_systems, systems_of
 from acausal.numerics.switching import has_switches, switching
+from acausal.numerics.terms import rounded
 from acausal.outputs.borders import Border, borders
 from acausal.outputs.given_motion import GivenMotion, given_motions
 from acausal.outputs.mode_functions import mode_functions
@@ -463,8 +464,8 @@ class Functions:
 
     @functools.cached_property
     def followed(self) -> tuple[ca.Function | None, ca.Function | None, ca.Function | None]:
-        """(t, x, u, p) -> what is off of what inputs prescribe, then the sums of their terms' sizes; the same of what loops hold of gears, and of
-        gaps that inputs move. None where there is nothing of a kind.
+        """(t, x, u, p) -> what is off of what inputs prescribe, the sums of their terms' sizes by states and inputs, then of all that is rounded in them
+        and in the coordinates that loops hold; the same of what loops hold of gears, and of gaps that inputs move. None where there is nothing of a kind.
         """
         s, none = self.outputs.system, ca.SX(0, 1)
         gaps = ca.vertcat(none, *(() if s.modes is None else s.modes.followed.values()))
@@ -477,9 +478,10 @@ class Functions:
         if not rows.numel():
             return None
         s = self.outputs.system
-        by_states = ca.fabs(ca.jacobian(rows, s.x)) @ ca.fabs(x) if x.numel() else 0
-        terms = by_states + ca.fabs(ca.jacobian(rows, s.u)) @ ca.fabs(u)
-        return self._function("followed", [ca.vertcat(rows, terms)], ["rows_and_terms"])
+        slopes = ca.fabs(ca.jacobian(rows, s.x))
+        terms = (slopes @ ca.fabs(x) if x.numel() else 0) + ca.fabs(ca.jacobian(rows, s.u)) @ ca.fabs(u)
+        known = np.divide(1.0, self._usual, out=np.zeros(s.x.numel()), where=self._usual > 0)
+        return self._function("followed", [ca.vertcat(rows, terms, rounded(rows) + slopes @ ca.DM(known))], ["rows_and_terms"])
 
     @functools.cached_property
     def guard_functions(self) -> dict[tuple[Expression, ...], ca.Function]:

@@ -475,10 +475,10 @@ def _check_free(system: ReducedSystem) -> None:
         names = list(dict.fromkeys(h.name for h in scalar.held if h.depth == 1))
         paths, flanges = system.flat.connector_paths, {end for item in tree.joints for end in item.edge.joint.flanges}
         sets = [group for group in system.flat.connection_sets if len(group) > 1 and not flanges.isdisjoint(group)]
-        places = compact((" and ".join(paths[c] for c in group[:3]) for group in sets), 3)
+        places = f" at {compact((' and '.join(paths[c] for c in group[:3]) for group in sets), 3)}" if sets else ""
         raise LockedError(
             f"Joints cannot move: against their {counted(tree.v.numel(), 'freedom')} stand {constraints.rank.rank} constraints of loops "
-            f"and {held} of gears and sources at {places}, from {', '.join(names[:4])}. Remove a source or a gear, or put a spring between."
+            f"and {held} of gears, cables and sources{places}, from {', '.join(names[:4])}. Remove one of them, or put a spring between."
         )
 
 

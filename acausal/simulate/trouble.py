@@ -24,6 +24,7 @@ from acausal.errors import (
 )
 from acausal.language.expression import InputRate
 from acausal.numerics.rounding import Rounding
+from acausal.numerics.thresholds import CLOSED
 from acausal.outputs.borders import Border
 from acausal.outputs.functions import Functions
 from acausal.outputs.infinite import without_value
@@ -210,12 +211,12 @@ def warn_if_not_followed(functions: Functions, run: Trajectory) -> None:
 
 
 def _first_missed(functions: Functions, run: Trajectory, rows: ca.Function | None) -> tuple[float, float] | None:
-    """When and by how much a run first missed one of these rows, by more than a part of its terms; None if it did not."""
+    """When and by how much a run first missed one of these rows, by more than a part of its terms and than rounding; None if it did not."""
     if rows is None:
         return None
-    gap, sizes = np.split(np.abs(at_steps(functions, run, rows)), 2)
+    gap, sizes, rounding = np.split(np.abs(at_steps(functions, run, rows)), 3)
     size = np.max(sizes, axis=1, keepdims=True, initial=0.0)
-    missed = (gap > _MISSED * size) & (size > 0)
+    missed = (gap > _MISSED * size) & (gap > CLOSED * rounding) & (size > 0)
     if not missed.any():
         return None
     k = int(np.flatnonzero(missed.any(axis=0))[0])
