@@ -34,7 +34,7 @@ class LoopRows:
     `position` (n, 1): residuals in q and t. `wrench_basis` (6, n + m): unit constraint wrenches on frame_b, in
     frame_b turned by the joint's mounting, torque first. `velocity` (n + m, 1): their rates, then the rolling rows; linear in v. `sign`: positive on the
     branch that is meant. `rows`: what each is. `dropped_rows`: those that vanish by structure, with their `dropped_basis` (6, k).
-    `far`: sum of the constant distances [m] along the loop: what was drawn far from the origin is known only to 1e-16 of this.
+    `far`: sum of the constant distances [m] along the loop: what was drawn far from an origin is known only to 1e-16 of this.
     """
 
     edge: Edge[AbstractConstraint]
@@ -143,19 +143,19 @@ def loop_rows(edge: Edge[AbstractConstraint], placement: TreePlacement) -> LoopR
 
 
 def _far(edge: Edge[AbstractConstraint], placement: TreePlacement) -> float:
-    """Sum of the constant distances [m] along the loop that a joint closes."""
-    links = placement.kinematics.tree.links
-    ways: list[list[int]] = []
-    poses: list[Pose] = []
-    for link, pose in placement.ends(edge):
-        poses.append(pose)
-        way: list[int] = []
+    """Sum of the constant distances [m] along the loop that a joint closes: of all places of joints from the origins of what they hold together."""
+    tree = placement.kinematics.tree
+    ways: list[set[int]] = []
+    for link, _ in placement.ends(edge):
+        way: set[int] = set()
         while link >= 0:
-            way.append(link)
-            link = links[link].parent
+            way.add(link)
+            link = tree.links[link].parent
         ways.append(way)
-    poses += [links[k].offset for k in set(ways[0]) ^ set(ways[1])]
-    return float(sum(np.linalg.norm(pose.position) for pose in poses if isinstance(pose.position, np.ndarray)))
+    between = ways[0] ^ ways[1]
+    edges = [edge, *(joint.edge for joint in tree.joints if joint.link in between)]
+    places = [pose.position for own in edges for pose in (own.pose_a, own.pose_b)]
+    return float(sum(np.linalg.norm(place) for place in places if isinstance(place, np.ndarray)))
 
 
 def _explicit_rate(joint: AbstractConstraint, X: Pose, t: ca.SX) -> ca.SX:

@@ -130,9 +130,13 @@ class Walk:
         probes = [guess, *(guess + reach * rng.uniform(-1, 1, guess.size) for _ in range(_PROBES))]
         found = [self._parts(q, time) for q in probes]
         c, J, A, N, _ = (np.max(finite(np.abs(part)), axis=0) for part in map(np.array, zip(*found, strict=True)))
+        rates_drawn = Drawn.joined([rows.drawn for rows in group.loops])
+        J = np.where(drawn.unsure(J) & group.turning, 0.0, J)  # lever arms that rounding of distances leaves where there are none
+        A = np.where(rates_drawn.unsure(A) & np.any(N[group.turning] > 0, axis=0), 0.0, A)
         arms = _lengths_of_rates(self._heard(A, N, J, probes), N, group.turning)
         instead = np.maximum(np.maximum(bent, arms), self._inside())
-        terms = np.where(own > 0, 0.0, c[:, 0] + self._rounding(guess))
+        terms = c + self._rounding(guess)[:, None]
+        terms = np.where((own[:, None] > 0) | drawn.unsure(terms), 0.0, terms)[:, 0]
         loudest = np.max([self._rounding(q) for q in probes], axis=0, initial=0.0) + c[:, 0]
         self.unit = unknown_sizes(J, group.turning, terms, drawn, instead, loudest)
         self.rate = 1.0 / positive(np.max(N / self.unit[:, None], axis=0, initial=0.0))
@@ -140,7 +144,7 @@ class Walk:
         self._drawn = drawn.terms(self._rows) * self._rows
         self.dependent, self.rank, self.follows = (drawn.dependent(self._rows, least) for least in (DEPENDENT, RANK, FOLLOWS))
         terms = [finite(np.array(symbolic.terms(q, self.rate, time, values)).ravel()) for q in probes]
-        terms = np.max(terms, axis=0, initial=0.0) + Drawn.joined([rows.drawn for rows in group.loops]).sizes
+        terms = np.max(terms, axis=0, initial=0.0) + rates_drawn.sizes
         self._velocity = _without_noise(A @ self.rate, terms)
         self.noise = ROUNDING * terms / self._velocity
         """What rounding makes of the rows in the velocities (m,), in parts of what is much for them."""

@@ -98,6 +98,10 @@ class Drawn:
         kept = list(rows)
         return Drawn(self.far[kept], self.shifts[kept], self.turns[kept])
 
+    def unsure(self, lengths: np.ndarray) -> np.ndarray:
+        """Which of the lengths (m, n) in rows of shifts may be nothing but what rounding of the distances leaves."""
+        return self.shifts[:, None] & (lengths <= CLOSED * self.far[:, None])
+
     def terms(self, sizes: np.ndarray) -> np.ndarray:
         """What the constants add to the terms of rows of these `sizes` (m,), as part of these: distances beside the loop's own length."""
         own = np.min(sizes[self.shifts & (sizes <= self.far)], initial=np.inf)  # rows of rounding errors have larger sizes

@@ -288,15 +288,20 @@ class Functions:
         return Exact(self.exact_dynamics, self.exact_projection, through, self.space.restricted(self._usual))
 
     @functools.cached_property
-    def _usual(self) -> np.ndarray:
-        """1 / how much a position or velocity of loops is, beside others; 0 for other states of the system."""
+    def much(self) -> np.ndarray:
+        """How much a position or velocity of loops is, beside others; 0 for other states of the system."""
         s = self.outputs.system
-        usual = np.zeros(s.x.numel())
+        much = np.zeros(s.x.numel())
         for part in s.constraints.examined:
             assert part.walk is not None
-            usual[list(part.group.q_places)] = 1 / part.walk.unit
-            usual[s.nq + np.array(part.group.v_places, dtype=int)] = 1 / part.rates
-        return usual
+            much[list(part.group.q_places)] = part.walk.unit
+            much[s.nq + np.array(part.group.v_places, dtype=int)] = part.rates
+        return much
+
+    @property
+    def _usual(self) -> np.ndarray:
+        """1 / these, 0 for other states."""
+        return np.divide(1.0, self.much, out=np.zeros(self.much.size), where=self.much > 0)
 
     @property
     def _standing(self) -> np.ndarray | None:
@@ -480,8 +485,7 @@ class Functions:
         s = self.outputs.system
         slopes = ca.fabs(ca.jacobian(rows, s.x))
         terms = (slopes @ ca.fabs(x) if x.numel() else 0) + ca.fabs(ca.jacobian(rows, s.u)) @ ca.fabs(u)
-        known = np.divide(1.0, self._usual, out=np.zeros(s.x.numel()), where=self._usual > 0)
-        return self._function("followed", [ca.vertcat(rows, terms, rounded(rows) + slopes @ ca.DM(known))], ["rows_and_terms"])
+        return self._function("followed", [ca.vertcat(rows, terms, rounded(rows) + slopes @ ca.DM(self.much))], ["rows_and_terms"])
 
     @functools.cached_property
     def guard_functions(self) -> dict[tuple[Expression, ...], ca.Function]:

@@ -56,12 +56,18 @@ class _Terms:
     def __init__(self, functions: Functions, run: Trajectory) -> None:
         self._run, self._rounding, space = run, Rounding(functions.watched), functions.space
         turns, rates = turning_states(space.system)
-        self._turns = np.append(turns, np.zeros(rates.size))[list(space.places)]
+        places = np.array(space.places)
+        self._turns, self._much = (np.append(turns, np.zeros(rates.size))[places], functions.much[places])
+        self._moving = (places >= turns.size) & (self._much > 0)
 
     def at(self, k: int) -> np.ndarray:
-        """(rows,) at the end of step k, by states as large as they were until there; angles as large as a radian."""
-        run = self._run
-        met = np.maximum(np.max(np.abs(run.steps.x[:, : k + 1]), axis=1), self._turns)
+        """(rows,) at the end of step k, by states as large as they were until there; angles as large as a radian, and what loops hold as large as it
+        is beside the others.
+        """
+        run, moving = self._run, self._moving
+        met = np.max(np.abs(run.steps.x[:, : k + 1]), axis=1)
+        speed = np.max(met[moving] / self._much[moving], initial=0.0)
+        met = np.maximum.reduce([met, self._turns, np.where(moving, speed, 1.0) * self._much])
         u = inputs_at_steps(run, np.array([k]))[:, 0]
         return self._rounding(float(run.steps.t[k]), run.steps.x[:, k], u, run.problem.parameters, spread=_EPS * met) / _EPS
 
