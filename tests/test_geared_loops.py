@@ -8,6 +8,7 @@ from scipy.integrate import solve_ivp
 
 import acausal as ac
 from acausal.errors import LockedError, ParameterError, StartValueError
+from acausal.numerics.switching import switching
 from components import (
     AngleSource,
     Cable,
@@ -127,3 +128,19 @@ def test_a_cable_that_locks_a_hinge_is_named_and_so_are_flanges_where_there_are_
     scene.connect(scene.cable.frame_b, scene.rod.tip)
     with pytest.raises(LockedError, match="gears, cables and sources, from 'connection of cable"):
         ac.build(scene)
+
+
+@pytest.mark.parametrize("count", [3, 4])
+def test_rotors_geared_to_hinges_of_a_loop_at_rest_are_moved_without_a_switch(count):
+    """Where terms of their equations are zero but for rounding, too: absolute values of these would end steps without end."""
+    scene = parallelogram(None)
+    scene.rotors, scene.gears = [Inertia(0.01 * (k + 1)) for k in range(count)], [Gear(2.0 + k) for k in range(count)]
+    for hinge, gear, rotor in zip(scene.hinges, scene.gears, scene.rotors, strict=False):
+        scene.connect(rotor.flange_a, gear.flange_a)
+        scene.connect(gear.flange_b, hinge.flange)
+    model = ac.build(scene)
+    assert switching(model.functions.explicit_dynamics) is None
+    run = model.simulate(0.7, {scene.hinges[0].q: 0.3}, rtol=1e-11)
+    more = sum(rotor.inertia * gear.ratio**2 for rotor, gear in zip(scene.rotors, scene.gears, strict=True))
+    np.testing.assert_allclose(run[scene.hinges[0].q], angle(run.t, 0.3, 0.0, more), atol=1e-9)
+    assert run.statistics.steps < 30

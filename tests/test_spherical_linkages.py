@@ -20,7 +20,9 @@ G, TIMES = np.array([0.3, -9.0, 2.0]), np.linspace(0, 0.1, 3)
 class Linkage(ac.System):
     """Bodies anywhere, on hinges about axes through a point; some of these are sleeves, which the others keep from sliding."""
 
-    def __init__(self, seed: int, size: float, sleeves: tuple[int, ...] = (), joined: tuple[tuple[int, int], ...] = JOINED) -> None:
+    def __init__(
+        self, seed: int, size: float, sleeves: tuple[int, ...] = (), joined: tuple[tuple[int, int], ...] = JOINED
+    ) -> None:
         g = np.random.default_rng(seed)
         self.centre, self.axes = g.normal(size=3), [u / np.linalg.norm(u) for u in g.normal(size=(len(joined), 3))]
         self.drawn = []
@@ -43,7 +45,10 @@ def turned(linkage: Linkage, w: np.ndarray) -> np.ndarray:
     """Places (times, bodies, 3) of the bodies' frames: of rotations about the centre alone, in the bodies' own, hinges by null space."""
     n = len(linkage.drawn)
     arms = [R.T @ (p - linkage.centre) for R, p, *_ in linkage.drawn]
-    own = [I + m * ((c + a) @ (c + a) * np.eye(3) - np.outer(c + a, c + a)) for (*_, m, c, I), a in zip(linkage.drawn, arms, strict=True)]
+    own = [
+        I + m * ((c + a) @ (c + a) * np.eye(3) - np.outer(c + a, c + a))
+        for (*_, m, c, I), a in zip(linkage.drawn, arms, strict=True)
+    ]
     start = [R for R, *_ in linkage.drawn]
     across = [np.linalg.svd(axis[None])[2][1:] for axis in linkage.axes]
 

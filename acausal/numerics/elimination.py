@@ -42,8 +42,9 @@ def eliminated(A: ca.SX, B: ca.SX) -> ca.SX:
 def solved_by_qr(A: ca.SX, B: ca.SX) -> ca.SX:
     """A^-1 B (n, m) by QR, which needs no pivot that is known not to vanish, with rows brought to one size.
 
-    QR looks at all rows of a column at once: of rows in small units it would see nothing. Columns need no such care. Two rows by Cramer's rule, which is as
-    good there and has the same bits in other units; three as CasADi does, likewise.
+    QR looks at all rows of a column at once: of rows in small units it would see nothing. Columns need no such care. Sizes are roots of sums of squares:
+    absolute values would be switches, at which steps of a motion end. Two rows by Cramer's rule, which is as good there and has the same bits in other
+    units; three as CasADi does, likewise by minors.
     """
     A, B = ca.densify(ca.SX(A)), ca.densify(ca.SX(B))
     if A.shape[0] < 2:
@@ -51,11 +52,11 @@ def solved_by_qr(A: ca.SX, B: ca.SX) -> ca.SX:
     if A.shape == (2, 2):
         found = ca.vertcat(A[1, 1] * B[0, :] - A[0, 1] * B[1, :], A[0, 0] * B[1, :] - A[1, 0] * B[0, :])
         return found / (A[0, 0] * A[1, 1] - A[0, 1] * A[1, 0])
-    columns = ca.sum1(ca.fabs(A))
-    rows = ca.sum2(ca.fabs(A) / ca.repmat(columns, A.shape[0], 1))
-    A, B = A / ca.repmat(rows, 1, A.shape[1]), B / ca.repmat(rows, 1, B.shape[1])
     if A.shape == (3, 3):
         return ca.solve(A, B)
+    squares = A * A
+    rows = ca.sqrt(ca.sum2(squares / ca.repmat(ca.sum1(squares), A.shape[0], 1)))
+    A, B = A / ca.repmat(rows, 1, A.shape[1]), B / ca.repmat(rows, 1, B.shape[1])
     first, right = ca.qr(A)
     Q, R = ca.qr(first)  # again, since the first one is by Gram and Schmidt and not orthogonal where columns are nearly parallel
     return ca.solve(ca.triu(R @ right), Q.T @ B)

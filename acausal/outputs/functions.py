@@ -485,7 +485,9 @@ class Functions:
         s = self.outputs.system
         slopes = ca.fabs(ca.jacobian(rows, s.x))
         terms = (slopes @ ca.fabs(x) if x.numel() else 0) + ca.fabs(ca.jacobian(rows, s.u)) @ ca.fabs(u)
-        return self._function("followed", [ca.vertcat(rows, terms, rounded(rows) + slopes @ ca.DM(self.much))], ["rows_and_terms"])
+        return self._function(
+            "followed", [ca.vertcat(rows, terms, rounded(rows) + slopes @ ca.DM(self.much))], ["rows_and_terms"]
+        )
 
     @functools.cached_property
     def guard_functions(self) -> dict[tuple[Expression, ...], ca.Function]:
