@@ -31,7 +31,8 @@ class Linkage(ac.System):
             self.drawn.append((R, g.normal(size=3), m, c, 0.02 * m * np.diag(g.uniform(0.8, 1.2, 3))))
         self.world = World(tuple(size * G))
         self.bodies = [
-            RigidBody(m, size**2 * I, tuple(size * c), position=tuple(size * p), rotation=R) for R, p, m, c, I in self.drawn
+            RigidBody(m, size**2 * inertia, tuple(size * c), position=tuple(size * p), rotation=R)
+            for R, p, m, c, inertia in self.drawn
         ]
         self.joints = [
             (Cylindrical if k in sleeves else Revolute).between(
@@ -47,7 +48,7 @@ def turned(linkage: Linkage, w: np.ndarray) -> np.ndarray:
     arms = [R.T @ (p - linkage.centre) for R, p, *_ in linkage.drawn]
     own = [
         I + m * ((c + a) @ (c + a) * np.eye(3) - np.outer(c + a, c + a))
-        for (*_, m, c, I), a in zip(linkage.drawn, arms, strict=True)
+        for (*_, m, c, inertia), a in zip(linkage.drawn, arms, strict=True)
     ]
     start = [R for R, *_ in linkage.drawn]
     across = [np.linalg.svd(axis[None])[2][1:] for axis in linkage.axes]
@@ -64,8 +65,8 @@ def turned(linkage: Linkage, w: np.ndarray) -> np.ndarray:
             right[2 * k : 2 * k + 2] = -np.cross(w_a, normals) @ (w_b - w_a)
         M, f = np.zeros((3 * n, 3 * n)), np.zeros(3 * n)
         for i, (*_, m, c, _) in enumerate(linkage.drawn):
-            I, at = R[i] @ own[i] @ R[i].T, slice(3 * i, 3 * i + 3)
-            M[at, at], f[at] = I, np.cross(R[i] @ (c + arms[i]), m * G) - np.cross(w[i], I @ w[i])
+            inertia, at = R[i] @ own[i] @ R[i].T, slice(3 * i, 3 * i + 3)
+            M[at, at], f[at] = inertia, np.cross(R[i] @ (c + arms[i]), m * G) - np.cross(w[i], inertia @ w[i])
         _, s, Vt = np.linalg.svd(rows)
         Z = Vt[int(np.sum(s > 1e-6 * s[0])) :].T
         a0 = np.linalg.lstsq(rows, right, rcond=1e-6)[0]
