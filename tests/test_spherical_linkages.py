@@ -47,7 +47,7 @@ def turned(linkage: Linkage, w: np.ndarray) -> np.ndarray:
     n = len(linkage.drawn)
     arms = [R.T @ (p - linkage.centre) for R, p, *_ in linkage.drawn]
     own = [
-        I + m * ((c + a) @ (c + a) * np.eye(3) - np.outer(c + a, c + a))
+        inertia + m * ((c + a) @ (c + a) * np.eye(3) - np.outer(c + a, c + a))
         for (*_, m, c, inertia), a in zip(linkage.drawn, arms, strict=True)
     ]
     start = [R for R, *_ in linkage.drawn]
