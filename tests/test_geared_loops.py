@@ -19,6 +19,7 @@ from components import (
     Revolute,
     RigidBody,
     Spherical,
+    Universal,
     World,
 )
 
@@ -144,3 +145,34 @@ def test_rotors_geared_to_hinges_of_a_loop_at_rest_are_moved_without_a_switch(co
     more = sum(rotor.inertia * gear.ratio**2 for rotor, gear in zip(scene.rotors, scene.gears, strict=True))
     np.testing.assert_allclose(run[scene.hinges[0].q], angle(run.t, 0.3, 0.0, more), atol=1e-9)
     assert run.statistics.steps < 30
+
+
+@pytest.mark.parametrize(("seed", "size"), [(0, 1e-3), (4, 1.0), (6, 1.0), (7, 1e3)])
+def test_a_gear_between_a_hinge_and_one_that_a_loop_holds_at_rest_holds_it(seed, size):
+    """All axes are parallel: where rows of loops are nothing but rounding they hold nothing, though they may look like what the gear says."""
+    g = np.random.default_rng(seed)
+    along, across, _ = np.linalg.qr(g.normal(size=(3, 3)))[0]
+    scene, (pivot, pin, other) = ac.System(), size * g.normal(size=(3, 3))
+    scene.world = World((0, 0, -G * size))
+    turned = [np.linalg.qr(g.normal(size=(3, 3)))[0] for _ in range(4)]
+    scene.bodies = [
+        RigidBody.box(1.0, (size, 2 * size, size), position=size * g.normal(size=3), rotation=R * np.linalg.det(R))
+        for R in turned
+    ]
+    slide, rocker, wheel, pendulum = scene.bodies
+    scene.guide = Prismatic.between(slide, scene.world, at=pivot, axis=along)
+    scene.pin, scene.held, scene.hinge, scene.swing = (
+        Revolute.between(a, b, at=at, axis=along)
+        for a, b, at in (
+            (rocker, slide, pin), (rocker, scene.world, pivot), (wheel, scene.world, other), (pendulum, slide, other),
+        )
+    )  # fmt: skip
+    scene.cross = Universal.between(wheel, rocker, at=pin, axis_a=along, axis_b=across)
+    scene.ball = Spherical.between(wheel, pendulum, at=other)
+    scene.gear = Gear(1.3)
+    scene.connect(scene.hinge.flange, scene.gear.flange_a)
+    scene.connect(scene.gear.flange_b, scene.held.flange)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 1
+    run = model.simulate(0.2)
+    assert np.max(np.abs(run[scene.hinge.q])) < 1e-12 < np.max(np.abs(run[scene.swing.q]))

@@ -171,6 +171,29 @@ class Constraints:
         """Of the parameters on which a configuration with closed loops depends, where joints also are in their domains."""
         return tuple(sorted({i for walk in self.symbolic.walks for i in walk.influences}))
 
+    @functools.cached_property
+    def much(self) -> tuple[np.ndarray, np.ndarray]:
+        """How much positions (nq,) and velocities (nv,) that loops hold are beside others; 0 for those that they do not."""
+        positions, velocities = np.zeros(self.q_start.size), np.zeros(self.rates.size)
+        for part in self.examined:
+            assert part.walk is not None
+            positions[list(part.group.q_places)] = part.walk.unit
+            velocities[list(part.group.v_places)] = part.rates
+        return positions, velocities
+
+    @functools.cached_property
+    def row_sizes(self) -> tuple[np.ndarray, np.ndarray]:
+        """What is much in the positions of all rows of the loops (k,), and in the rows of `velocity` (m,), wherever loops are closed or open."""
+        positions, velocities = dict[str, float](), dict[str, float]()
+        for part in self.examined:
+            assert part.walk is not None
+            names = [name for rows in part.group.loops for name in rows.names[: rows.position.numel()]]
+            positions |= dict(zip(names, part.walk.row_sizes[part.group.invariants.numel() :].tolist(), strict=True))
+            velocities |= dict(zip(part.group.names, part.walk.sizes_of_velocities[1].tolist(), strict=True))
+        every = [name for rows in self.loops for name in rows.names]
+        closed = [name for rows in self.loops for name in rows.names[: rows.position.numel()]]
+        return np.array([positions[name] for name in closed]), np.array([velocities[every[k]] for k in self.kept_index])
+
     @property
     def slips(self) -> tuple[int, ...]:
         """Places in `velocity` of rows that are not rates of position rows: rolling without slip."""

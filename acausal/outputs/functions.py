@@ -291,11 +291,9 @@ class Functions:
     def much(self) -> np.ndarray:
         """How much a position or velocity of loops is, beside others; 0 for other states of the system."""
         s = self.outputs.system
+        positions, velocities = s.constraints.much
         much = np.zeros(s.x.numel())
-        for part in s.constraints.examined:
-            assert part.walk is not None
-            much[list(part.group.q_places)] = part.walk.unit
-            much[s.nq + np.array(part.group.v_places, dtype=int)] = part.rates
+        much[: positions.size], much[s.nq : s.nq + velocities.size] = positions, velocities
         return much
 
     @property

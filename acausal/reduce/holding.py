@@ -13,6 +13,7 @@ from acausal.loops.constraints import Constraints
 from acausal.numerics.assembly import assemble
 from acausal.numerics.sizes import Drawn, Sizes, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
+from acausal.numerics.thresholds import CLOSED, RANK
 from acausal.numerics.vanishing import equilibrated_rank
 from acausal.scalar.coupling import ScalarPart
 
@@ -104,7 +105,7 @@ def looped(system: Reduced, positions: list[np.ndarray]) -> list[int]:
 
 def _rows(system: Reduced, positions: list[np.ndarray]) -> list[list[np.ndarray]]:
     """Slopes of the velocity equations of loops by velocities, of scalar equations by those and by scalar states that they move, then the same of positions; where
-    finite.
+    finite, and nothing for what rounding leaves of none.
     """
     scalar, tree = system.scalar, system.mechanics.tree
     n = scalar.positions
@@ -116,7 +117,12 @@ def _rows(system: Reduced, positions: list[np.ndarray]) -> list[list[np.ndarray]
         ca.jacobian(system.constraints.velocity, tree.v), ca.jacobian(velocity, tree.v), ca.jacobian(velocity, states)[:, yields],
         ca.jacobian(loops, tree.q), ca.jacobian(scalar.position, tree.q), ca.jacobian(scalar.position, states[:n]),
     ]  # fmt: skip
-    function = ca.Function("rows", [system.t, system.x, system.u, system.p], [ca.densify(part) for part in parts])
+    given = [system.t, system.x, system.u, system.p]
+    function = ca.Function("rows", given, [ca.densify(part) for part in parts])
+    terms = ca.Function("terms", given, [ca.densify(rounded(velocity)), ca.densify(rounded(scalar.position))])
+    (q_much, v_much), (closed, moving) = system.constraints.much, system.constraints.row_sizes
+    moved = np.zeros(system.rate_start.size)
+    moved[: v_much.size] = v_much
     rng = np.random.default_rng(6)
     found: list[list[np.ndarray]] = []
     for q in positions:
@@ -127,8 +133,23 @@ def _rows(system: Reduced, positions: list[np.ndarray]) -> list[list[np.ndarray]
             for part in function(0.0, x, system.u_defaults + rng.uniform(size=system.u_defaults.shape), system.p_values)
         ]
         if all(np.isfinite(block).all() for block in blocks):
+            by_v, by_q = (
+                finite(np.array(part)[:, 0])
+                for part in terms(0.0, np.concatenate([q, moved]), system.u_defaults, system.p_values)
+            )
+            blocks[0] = _heard(blocks[0], RANK * moving, v_much)
+            blocks[1] = _heard(blocks[1], CLOSED * by_v, v_much)
+            blocks[3] = _heard(blocks[3], RANK * closed, q_much)
+            blocks[4] = _heard(blocks[4], CLOSED * by_q, q_much)
             found.append(blocks)
     return found
+
+
+def _heard(slopes: np.ndarray, least: np.ndarray, much: np.ndarray) -> np.ndarray:
+    """Slopes (m, n) of rows by coordinates of which so `much` (n,) is much, 0 where that is not known, without those that make no more than `least` (m,) of
+    them: equilibrated, rows of rounding errors would look like others.
+    """
+    return np.where((np.abs(slopes) * much > least[:, None]) | (much == 0), slopes, 0.0)
 
 
 def closed_positions(system: Reduced) -> list[np.ndarray]:

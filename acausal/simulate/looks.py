@@ -8,6 +8,7 @@ import numpy as np
 from acausal.numerics.staged import Function
 from acausal.outputs.functions import Functions
 from acausal.simulate.trajectory import Trajectory
+from acausal.start.coordinates import turning_states
 
 MOST = 256
 """Steps at which a run is looked at where a look costs about as much as a step."""
@@ -55,3 +56,15 @@ def least_spectrum(matrices: np.ndarray, enough: float) -> np.ndarray:
             spectrum = np.linalg.eigvalsh(matrix)
             found[k] = spectrum[0] / max(spectrum[-1], np.finfo(float).tiny)
     return found
+
+
+def beside_others(functions: Functions, met: np.ndarray) -> np.ndarray:
+    """Sizes (nx,) of states that were as large as `met`: angles are as large as a radian, and what loops hold as much as it is beside others, so fast as
+    the fastest of it.
+    """
+    turns, rates = turning_states(functions.space.system)
+    places = np.array(functions.space.places)
+    much, turning = functions.much[places], np.append(turns, np.zeros(rates.size))[places]
+    moving = (places >= turns.size) & (much > 0)
+    speed = np.max(met[moving] / much[moving], initial=0.0)
+    return np.maximum.reduce([met, turning, np.where(moving, speed, 1.0) * much])

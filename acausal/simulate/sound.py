@@ -10,9 +10,8 @@ from acausal.collocation.modes import ModesMet
 from acausal.collocation.problem import Accuracy, Kept, Solution, StatusKind
 from acausal.numerics.rounding import Rounding
 from acausal.outputs.functions import Functions
-from acausal.simulate.looks import at_steps, inputs_at_steps
+from acausal.simulate.looks import at_steps, beside_others, inputs_at_steps
 from acausal.simulate.trajectory import Trajectory
-from acausal.start.coordinates import turning_states
 
 _EPS = float(np.finfo(float).eps)
 _LEAST, _LOOSE = 1e-8, 10.0
@@ -54,20 +53,12 @@ class _Terms:
     """Sizes of what energies and invariants are the sums of, at the ends of steps."""
 
     def __init__(self, functions: Functions, run: Trajectory) -> None:
-        self._run, self._rounding, space = run, Rounding(functions.watched), functions.space
-        turns, rates = turning_states(space.system)
-        places = np.array(space.places)
-        self._turns, self._much = (np.append(turns, np.zeros(rates.size))[places], functions.much[places])
-        self._moving = (places >= turns.size) & (self._much > 0)
+        self._functions, self._run, self._rounding = functions, run, Rounding(functions.watched)
 
     def at(self, k: int) -> np.ndarray:
-        """(rows,) at the end of step k, by states as large as they were until there; angles as large as a radian, and what loops hold as large as it
-        is beside the others.
-        """
-        run, moving = self._run, self._moving
-        met = np.max(np.abs(run.steps.x[:, : k + 1]), axis=1)
-        speed = np.max(met[moving] / self._much[moving], initial=0.0)
-        met = np.maximum.reduce([met, self._turns, np.where(moving, speed, 1.0) * self._much])
+        """(rows,) at the end of step k, by states as large as they were until there, or as they are much beside others."""
+        run = self._run
+        met = beside_others(self._functions, np.max(np.abs(run.steps.x[:, : k + 1]), axis=1))
         u = inputs_at_steps(run, np.array([k]))[:, 0]
         return self._rounding(float(run.steps.t[k]), run.steps.x[:, k], u, run.problem.parameters, spread=_EPS * met) / _EPS
 

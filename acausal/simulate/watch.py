@@ -18,9 +18,8 @@ from acausal.numerics.thresholds import ROUNDING
 from acausal.outputs.functions import Functions
 from acausal.outputs.infinite import without_value
 from acausal.simulate.blame import condition, energy_cause
-from acausal.simulate.looks import at_steps, inputs_at_steps
+from acausal.simulate.looks import at_steps, beside_others, inputs_at_steps
 from acausal.simulate.trajectory import Trajectory
-from acausal.start.coordinates import turning_states
 from acausal.wording import callers_level
 
 _EPS = float(np.finfo(float).eps)
@@ -142,8 +141,8 @@ def _leaves_constraints(functions: Functions, run: Trajectory, sizes: Sizes) -> 
     for k in np.flatnonzero(off.any(axis=1)):  # each row at the step where it is off most
         most = int(np.argmax(gaps[k]))
         terms[k] = np.maximum(terms[k], _rounding(functions, run, most, sizes, _longest(run, most))[2 + k] / _EPS)
-        # an angle that is nothing by symmetry drifts by what is nothing too
-        least = allowed * terms[k] + _rounding_of_turns(functions, run, most)[2 + k]
+        # what is nothing by symmetry drifts by what is nothing too
+        least = allowed * terms[k] + _rounding_beside(functions, run, most, sizes.met)[2 + k]
         off[k] = gaps[k] > least if terms[k] > 0 else False
     off[~np.isfinite(terms)] = False
     if not off.any():
@@ -205,13 +204,12 @@ def energy_terms(run: Trajectory) -> float:
     return float(np.sum(_rounding(functions, run, most, met, _longest(run, run.steps.t.size))[:2])) / _EPS
 
 
-def _rounding_of_turns(functions: Functions, run: Trajectory, k: int) -> np.ndarray:
-    """What energies and invariants at step k change by where angles, of which 1 rad is much, are rounded."""
-    t, x, p, space = float(run.steps.t[k]), run.steps.x[:, k], run.problem.parameters, functions.space
-    turns, rates = turning_states(space.system)
-    spread = _EPS * np.append(turns, np.zeros(rates.size))[list(space.places)]
+def _rounding_beside(functions: Functions, run: Trajectory, k: int, met: np.ndarray) -> np.ndarray:
+    """What energies and invariants at step k change by where states are rounded as what is much beside others."""
+    t, x, p = float(run.steps.t[k]), run.steps.x[:, k], run.problem.parameters
     u = inputs_at_steps(run, np.array([k]))[:, 0]
-    return ROUNDING / _EPS * np.nan_to_num(Rounding(functions.watched)(t, x, u, p, spread=spread))
+    found = Rounding(functions.watched)(t, x, u, p, spread=_EPS * beside_others(functions, met))
+    return ROUNDING / _EPS * np.nan_to_num(found)
 
 
 def _look_at_energy(
