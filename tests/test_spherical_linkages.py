@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 import acausal as ac
 from acausal.errors import LockedError
-from components import Cylindrical, Revolute, RigidBody, World
+from components import Cylindrical, Revolute, RigidBody, Spherical, World
 from tests.formulations import skew
 
 JOINED = ((-1, 0), (0, 1), (1, 2), (2, 3), (3, -1), (0, 4), (4, 2))
@@ -100,3 +100,23 @@ def test_sleeves_that_slide_along_axes_of_different_directions_are_locked(size: 
     """A ring of four, of which three of the axes slide: hinges turn no more behind a second body between two of them."""
     with pytest.raises(LockedError, match="locked: 5 freedoms of its joints and 5 independent"):
         ac.build(Linkage(25, size, (0, 2, 5), ((-1, 0), (0, 1), (1, 2), (2, -1), (3, 1), (3, 2))))
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_two_bodies_on_one_ball_and_a_sleeve_through_it_keep_their_energy_and_nothing_warns(size: float):
+    """What holds to rounding of the places of joints in bodies holds; the sleeve does not slide, so both turn as one, but about its axis."""
+    for seed in range(3):
+        g = np.random.default_rng(seed)
+        scene, (centre, *places), along = ac.System(), size * g.normal(size=(3, 3)), g.normal(size=3)
+        scene.world = World(tuple(size * G))
+        turned = Rotation.random(2, random_state=seed).as_matrix()
+        scene.bodies = [
+            RigidBody.box(1.0, (size,) * 3, position=tuple(p), rotation=R) for p, R in zip(places, turned, strict=True)
+        ]
+        scene.balls = [Spherical.between(body, scene.world, at=tuple(centre)) for body in scene.bodies]
+        scene.sleeve = Cylindrical.between(*scene.bodies, at=tuple(centre), axis=tuple(along))
+        model = ac.build(scene)
+        assert model.degrees_of_freedom == 4
+        run = model.simulate(0.3, rtol=1e-10)
+        assert run.energy_error() < 1e-9
+        assert np.max(np.abs(run[scene.sleeve.q[1]])) < 1e-12 * size < np.max(np.abs(run[scene.sleeve.q[0]])) * size

@@ -171,6 +171,16 @@ class Constraints:
         """Of the parameters on which a configuration with closed loops depends, where joints also are in their domains."""
         return tuple(sorted({i for walk in self.symbolic.walks for i in walk.influences}))
 
+    @property
+    def drawn(self) -> tuple[np.ndarray, np.ndarray]:
+        """Sizes of what met in the constants of `position` (np,) and of `dropped` (n,), which are known to rounding of these only."""
+        sizes = [rows.drawn.sizes[: rows.position.numel()] for rows in self.loops]
+        firsts = np.cumsum([0, *(len(rows.names) for rows in self.loops)]).tolist()
+        places = [first + k for first, own in zip(firsts, sizes, strict=False) for k in range(own.size)]
+        used = np.isin(places, self.kept_index)
+        every = np.concatenate([np.zeros(0), *sizes])
+        return every[used], every[~used]
+
     @functools.cached_property
     def much(self) -> tuple[np.ndarray, np.ndarray]:
         """How much positions (nq,) and velocities (nv,) that loops hold are beside others; 0 for those that they do not."""

@@ -215,6 +215,16 @@ class Functions:
         return ca.Function("watched", space.arguments, [ca.densify(ca.vertcat(energies, rows, following))])
 
     @functools.cached_property
+    def drawn(self) -> np.ndarray:
+        """Sizes (rows,) of what met in the constants of what is `watched`: they are known to rounding of these only."""
+        s = self.outputs.system
+        used, dropped = s.constraints.drawn
+        own, rows = s.constraints.joint_invariants.numel(), ca.vertcat(s.position_invariants, s.velocity_invariants)
+        known = np.zeros(rows.numel())
+        known[own : own + used.size] = used
+        return np.concatenate([np.zeros(2), known[self.space.left(rows)], dropped])
+
+    @functools.cached_property
     def kept_invariants(self) -> int:
         """How many invariants there are."""
         return 0 if self.invariants is None else self.invariants.numel_out(0)

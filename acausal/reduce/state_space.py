@@ -74,13 +74,22 @@ class StateSpace:
 
     def constraints(self, rows: ca.SX) -> ca.SX:
         """Residuals (n, 1) in t, the system's states and p that the elimination has not made zero."""
+        left = self.left(rows)
+        return (
+            rows
+            if len(left) == rows.numel() and not self.elimination.symbols
+            else self.put(rows)[left, :]
+            if left
+            else ca.SX(0, 1)
+        )
+
+    def left(self, rows: ca.SX) -> list[int]:
+        """Which residuals of the system these are."""
         if self.coordinates is not None:
-            return ca.SX(0, 1)
+            return []
         if not self.elimination.symbols:
-            return rows
-        left = self.put(rows)
-        open_rows = self._open(rows, self.system.p_values)
-        return ca.vertcat(ca.SX(0, 1), *(left[int(i)] for i in np.flatnonzero(open_rows)))
+            return list(range(rows.numel()))
+        return [int(i) for i in np.flatnonzero(self._open(rows, self.system.p_values))]
 
     @functools.cached_property
     def vanishing(self) -> ca.SX:

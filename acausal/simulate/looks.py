@@ -58,13 +58,14 @@ def least_spectrum(matrices: np.ndarray, enough: float) -> np.ndarray:
     return found
 
 
-def beside_others(functions: Functions, met: np.ndarray) -> np.ndarray:
+def beside_others(functions: Functions, run: Trajectory, met: np.ndarray) -> np.ndarray:
     """Sizes (nx,) of states that were as large as `met`: angles are as large as a radian, and what loops hold as much as it is beside others, so fast as
-    the fastest of it.
+    the fastest of it, or as what moves it by rounding in the whole run.
     """
     turns, rates = turning_states(functions.space.system)
     places = np.array(functions.space.places)
     much, turning = functions.much[places], np.append(turns, np.zeros(rates.size))[places]
     moving = (places >= turns.size) & (much > 0)
-    speed = np.max(met[moving] / much[moving], initial=0.0)
+    slowest = np.finfo(float).eps / max(run.steps.t[-1] - run.steps.t[0], np.finfo(float).tiny)
+    speed = np.max(met[moving] / much[moving], initial=slowest)
     return np.maximum.reduce([met, turning, np.where(moving, speed, 1.0) * much])

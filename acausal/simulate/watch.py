@@ -205,11 +205,11 @@ def energy_terms(run: Trajectory) -> float:
 
 
 def _rounding_beside(functions: Functions, run: Trajectory, k: int, met: np.ndarray) -> np.ndarray:
-    """What energies and invariants at step k change by where states are rounded as what is much beside others."""
+    """What energies and invariants at step k change by where states are rounded as what is much beside others, and constants as what met in them."""
     t, x, p = float(run.steps.t[k]), run.steps.x[:, k], run.problem.parameters
     u = inputs_at_steps(run, np.array([k]))[:, 0]
-    found = Rounding(functions.watched)(t, x, u, p, spread=_EPS * beside_others(functions, met))
-    return ROUNDING / _EPS * np.nan_to_num(found)
+    found = Rounding(functions.watched)(t, x, u, p, spread=_EPS * beside_others(functions, run, met))
+    return ROUNDING * (np.nan_to_num(found) / _EPS + functions.drawn)
 
 
 def _look_at_energy(
