@@ -16,6 +16,8 @@ from scipy.optimize import minimize
 import acausal as ac
 from acausal import errors
 from acausal.numerics.assembly import assemble
+from acausal.start import start_search
+from acausal.start.block_search import solve_block
 from components import (
     Cable,
     Contact,
@@ -362,3 +364,51 @@ def test_a_ball_in_a_hollow_sphere_is_above_or_below_as_is_wished(size):
         height = np.sign(z) * np.sqrt(0.81 - x**2 - y**2) * size
         run = model.simulate(0.0, {place[0]: x * size, place[1]: y * size, place[2]: ac.near(z * size)}, samples=2)
         assert np.allclose(run[place][0], (x * size, y * size, height), rtol=1e-12)
+
+
+def test_places_are_searched_for_again_only_where_something_counts_for_them(monkeypatch):
+    """Masses and speeds do not, lengths and places of joints that close loops do; bit for bit as a scene that was never asked before."""
+
+    def made() -> tuple[Any, ac.Model]:
+        s: Any = FourBar()
+        s.mass, s.far = ac.Parameter(2.0, "kg"), ac.Parameter(0.1, "m")
+        s.load, s.rail, s.stop = Particle(s.mass), Revolute("y"), RigidBody.box(1.0, (0.1, 0.1, 0.1))
+        s.connect(s.coupler.at((s.far, 0, 0)), s.load.point)
+        s.connect(s.rocker.at((0, 0, s.far)), s.rail.frame_a)
+        s.connect(s.rail.frame_b, s.stop.frame)
+        return s, ac.build(s)
+
+    searched: list[bool] = []
+    monkeypatch.setattr(
+        start_search,
+        "solve_block",
+        lambda block, *given: searched.append(not block.unknowns.linear) or solve_block(block, *given),
+    )
+    s, model = made()
+    model.initial_state({s.a.q: 0.3, s.a.v: 1.0})
+    for start, parameters, anew in (
+        ((0.3, 1.0), {"mass": 3.0}, False),
+        ((0.3, -2.0), {}, False),
+        ((0.3, -2.0), {"mass": 0.2, "far": 0.3}, False),
+        ((0.4, 1.0), {}, True),
+    ):
+        searched.clear()
+        found = model.initial_state({s.a.q: start[0], s.a.v: start[1]}, parameters=parameters).x
+        assert any(searched) == anew
+        other, fresh = made()
+        assert np.array_equal(found, fresh.initial_state({other.a.q: start[0], other.a.v: start[1]}, parameters=parameters).x)
+    lengths = ac.Parameter(1.2, "m")
+    four: Any = ac.System()
+    four.long, four.world, four.rods = lengths, World(), [RigidBody.rod(1.0, (x, 0, 0)) for x in (0.4, lengths, 0.8)]
+    four.hinges = [Revolute("y") for _ in range(4)]
+    ends = (four.world.frame, four.rods[0].frame), (four.rods[0].tip, four.rods[1].frame)
+    ends += (four.rods[1].tip, four.rods[2].tip), (four.world.at((1, 0, 0)), four.rods[2].frame)
+    for hinge, (one, two) in zip(four.hinges, ends, strict=True):
+        four.connect(one, hinge.frame_a)
+        four.connect(hinge.frame_b, two)
+    model = ac.build(four)
+    for length in (1.2, 1.1):
+        x = model.initial_state({four.hinges[0].q: 0.3}, parameters={lengths: length}).x
+        run = model.simulate(0.0, {four.hinges[0].q: 0.3}, parameters={lengths: length})
+        apart = run[four.rods[1].tip.position][0] - run[four.rods[0].tip.position][0]
+        assert np.linalg.norm(apart) == pytest.approx(length, rel=1e-12) and x.shape == run.x[:, 0].shape

@@ -109,6 +109,8 @@ class StateSpace:
         changed = np.flatnonzero(values != self.system.p_values).tolist()
         if looped and ca.depends_on(self.system.closing, self.system.p[changed]):
             return f"it is open whether loops still hold what these say: {compact(dict.fromkeys(h.name for h in looped), 4)}"
+        if not ca.depends_on(self.put(rows), self.system.p[changed]):
+            return ""
         lost = self._open(rows, values) & ~self._open(rows, self.system.p_values)
         if not lost.any():
             return ""

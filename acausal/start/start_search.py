@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
@@ -58,8 +59,8 @@ class Search:
     """Whether the values say it all, so that only the signs are left to look at."""
     untorn: tuple[UntornBlock, ...] = ()
     """Nonlinear blocks of scalar parts, of velocities."""
-    known: dict[bytes, Found] = field(default_factory=dict[bytes, Found], compare=False)
-    """What was found for some data before."""
+    known: dict[bytes, tuple[np.ndarray, Found]] = field(default_factory=dict[bytes, tuple[np.ndarray, Found]], compare=False)
+    """Some data of before, and what was found for them."""
 
     @property
     def settled(self) -> bool:
@@ -100,7 +101,7 @@ class Search:
         """Where the search begins: the guess, of positions that for the parameters in the data, with the start values of coordinates put in,
         also those `wished` for.
         """
-        first = (self.guess if self.drawn is None else self.drawn.closed(data)).copy()
+        first = self._sketch(data).copy()
         exact = {k for target in self.exact for k in range(target.place.start, target.place.stop)}
         for i, k in self.plain:
             if wished or k in exact:
@@ -108,14 +109,37 @@ class Search:
         return first
 
     def solve(self, data: np.ndarray, weights: np.ndarray) -> Found:
-        """y (n,) for the data and the weights of all start values; for the last ones of these as it was found before."""
-        key = data.tobytes() + weights.tobytes()
-        found = self.known.get(key)
-        if found is None:
+        """y (n,) for the data and the weights of all start values; for those of before, or data that differ in nothing that counts here, as it was found then."""
+        key = weights.tobytes() + data.tobytes()
+        if key not in self.known:
+            found = self._found_before(data, weights) or self._solve(data, weights)
             if len(self.known) >= _KEPT:
                 self.known.clear()
-            found = self.known[key] = self._solve(data, weights)
-        return found
+            self.known[key] = data.copy(), found
+        return self.known[key][1]
+
+    def _found_before(self, data: np.ndarray, weights: np.ndarray) -> Found | None:
+        if self.whole is None or self.untorn or not self.known:
+            return None
+        counts, sketch, weighed = self._counting, self._sketch(data), weights.tobytes()
+        for key, (before, found) in self.known.items():
+            same = key.startswith(weighed) and np.array_equal(before[counts], data[counts])
+            if same and np.array_equal(self._sketch(before), sketch):
+                return found
+        return None
+
+    def _sketch(self, data: np.ndarray) -> np.ndarray:
+        return self.guess if self.drawn is None else self.drawn.closed(data)
+
+    @functools.cached_property
+    def _counting(self) -> np.ndarray:
+        """Places of data that have to do with these unknowns, beside those by which loops of the sketch close: masses have nothing to do with places."""
+        assert self.whole is not None
+        apart = ca.SX(0, 1) if self.whole.apart is None else self.whole.apart.all.rows
+        heard = {s.element_hash() for s in ca.symvar(ca.vertcat(self.whole.hard, self.whole.soft, self.whole.signs, apart))}
+        own = {k for target in (*self.exact, *self.wished) for k in range(target.place.start, target.place.stop)}
+        places = range(self.whole.whole.numel() - len(self.guess))
+        return np.array([k for k in places if k in own or self.whole.whole[k].element_hash() in heard], dtype=int)
 
     def _solve(self, data: np.ndarray, weights: np.ndarray) -> Found:
         """Block by block."""
@@ -233,8 +257,13 @@ class Search:
 
     def jacobian(self, y: np.ndarray, data: np.ndarray) -> np.ndarray:
         """d residual / dy, (m, n), for searches with constraints. Unlike `rows` for many threads at once."""
+        return np.array(self._slopes(y, data)[0]).reshape(-1, y.size)
+
+    @functools.cached_property
+    def _slopes(self) -> ca.Function:
+        """(y, data) -> d residual / dy, d residual / d data."""
         assert self.residual is not None
-        return np.array(self.residual.factory("J", ["y", "data"], ["jac:c:y"])(y, data)).reshape(-1, y.size)
+        return self.residual.factory("slopes", ["y", "data"], ["jac:c:y", "jac:c:data"])
 
     def wish_jacobian(self, y: np.ndarray, data: np.ndarray, first: np.ndarray) -> np.ndarray:
         """d wish / dy, (m, n), for searches with wishes, without weights."""
@@ -264,9 +293,7 @@ class Search:
             first[i] = change[k]
         if self.residual is None:
             return first
-        J, by_data = (
-            np.array(part) for part in self.residual.factory("slopes", ["y", "data"], ["jac:c:y", "jac:c:data"])(y, data)
-        )
+        J, by_data = (np.array(part) for part in self._slopes(y, data))
         sizes = self.sizes(data, self.first(data))
         scaled = sizes.scaled(J)
         off = (J @ first + by_data @ change) / sizes.rows[:, None]
