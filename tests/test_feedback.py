@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 import scipy.integrate
@@ -11,6 +12,7 @@ import scipy.linalg
 
 import acausal as ac
 from acausal.errors import OptionError
+from components import ForceSource, Particle, Prismatic, World
 from tests.test_optimal_control import CartPole, DrivenFourBar, Sledge
 
 
@@ -109,6 +111,58 @@ def test_a_four_bar_follows_its_motion_at_the_cost_foretold() -> None:
     paid += 900 * (last[a] - there[a]) ** 2 + (last[v] - there[v]) ** 2
     assert paid == pytest.approx(follow.cost(first), rel=0.01)
     assert np.max(np.abs(last - there)[: model.functions.space.nq]) < 1e-5
+
+
+def test_a_filter_along_a_loop_is_that_of_its_one_equation() -> None:
+    """A four-bar whose crank is shaken and whose rocker is measured: the textbook's equation for the angle of the crank with its Riccati equation, and what these say of all states."""
+    scene, disturbed, noise = DrivenFourBar(), 3.0, 1e-5
+    model = ac.build(scene)
+    found = ac.kalman(model.simulate(0.5, {scene.a.q: 0.3, scene.a.v: 12.0}), [scene.d.q], disturbed, noise)
+    q, v, torque, g = ca.SX.sym("q"), ca.SX.sym("v"), ca.SX.sym("torque"), 9.81
+    A, D = 0.4 * ca.vertcat(ca.cos(q), ca.sin(q)), ca.vertcat(1.0, 0.0)  # angles turn about y, from x to -z
+    far = ca.norm_2(D - A)
+    along = (far**2 + 1.2**2 - 0.8**2) / (2 * far)
+    way = (D - A) / far
+    C = A + along * way - ca.sqrt(1.2**2 - along**2) * ca.vertcat(-way[1], way[0])
+    coupler, rocker = (ca.atan2(one[1], one[0]) for one in (C - A, C - D))
+    M = 0.4**2 / 3 + 2.0 * ca.sumsqr(ca.jacobian((A + C) / 2, q)) + 2.0 * 1.2**2 / 12 * ca.jacobian(coupler, q) ** 2
+    M += 1.5 * 0.8**2 / 3 * ca.jacobian(rocker, q) ** 2
+    height = -g * (1.0 * A[1] / 2 + 2.0 * (A + C)[1] / 2 + 1.5 * C[1] / 2)
+    x = ca.vertcat(q, v)
+    f = ca.vertcat(v, (torque - ca.jacobian(M, q) * v**2 / 2 - ca.jacobian(height, q)) / M)
+    angles = {"a.q": q, "b.q": coupler - q, "c.q": rocker - coupler, "d.q": rocker}
+    angles |= {name.replace("q", "v"): ca.jacobian(angle, q) * v for name, angle in angles.items()}
+    seen = ca.vertcat(*(angles[name] for name in model.state_names))
+    textbook = ca.Function(
+        "textbook", [x], [ca.substitute(f, torque, 0), *(ca.substitute(ca.jacobian(f, z), torque, 0) for z in (x, torque)), ca.jacobian(rocker, x), ca.jacobian(seen, x)]
+    )  # fmt: skip
+
+    def rate(t: float, z: np.ndarray) -> np.ndarray:
+        own, A, B, C, _ = (np.array(one) for one in textbook(z[:2]))
+        P = z[2:].reshape(2, 2)
+        return np.append(own, A @ P + P @ A.T + disturbed * B @ B.T - P @ C.T @ C @ P / noise)
+
+    first = [0.3, 12.0, *np.zeros(4)]
+    y = scipy.integrate.solve_ivp(rate, (0, 0.5), first, rtol=1e-10, atol=1e-14, t_eval=found.times).y.T
+    for k in (20, 80, 160):
+        *_, C, E = (np.array(one) for one in textbook(y[k, :2]))
+        spread = E @ y[k, 2:].reshape(2, 2) @ E.T
+        gain = E @ y[k, 2:].reshape(2, 2) @ C.T / noise
+        assert np.max(np.abs(found.covariances[k] - spread)) < 1e-5 * np.max(spread)
+        assert np.max(np.abs(found.gains[k] - gain)) < 1e-5 * np.max(np.abs(gain))
+
+
+@pytest.mark.parametrize("size", [1e-9, 1.0, 1e9])
+def test_a_filter_that_forgets_at_once_is_steady_in_any_unit(size: float) -> None:
+    """Seen with hardly any noise: errors decay in a fraction of a millisecond, along motions of a second. Units of forces and lengths have no say in it."""
+    scene: Any = ac.System()
+    scene.force, scene.world, scene.rail, scene.body = ac.Input("N"), World(), Prismatic("x"), Particle(2.0 / size)
+    scene.motor = ForceSource(scene.force)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.body.point)
+    scene.connect(scene.motor.flange, scene.rail.flange)
+    found = ac.kalman(ac.build(scene).simulate(1.0, {scene.rail.v: 0.4 * size}), [scene.rail.q], 4.0, 1e-14 * size**2)
+    assert found.gain(1.0)[:, 0] == pytest.approx([2**0.5 * 10**3.5, 1e7], rel=1e-7)
 
 
 @pytest.mark.parametrize(

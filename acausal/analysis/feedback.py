@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +16,7 @@ from acausal.analysis.linearize import Linearization, Matrices, linear_around
 from acausal.analysis.point import OperatingPoint
 from acausal.errors import OptionError
 from acausal.language.expression import Expression, Mode
+from acausal.numerics.one_thread import on_one_thread
 from acausal.numerics.thresholds import EDGE, ROUNDING
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
@@ -29,6 +30,8 @@ Weights = Mapping[Any, Any] | Sequence[Any] | np.ndarray | float
 
 _PIECES, _SAMPLES = 4, 41
 """Pieces of a motion with independent coordinates of their own, and samples of the gain in each."""
+_GAUSS = 0.5 - 3**0.5 / 6, 0.5 + 3**0.5 / 6
+"""Of each step."""
 _HIDDEN = 1e-9
 """Of the largest singular value: a mode that inputs do not move, or outputs do not see."""
 
@@ -130,16 +133,15 @@ def lqr(of: Any, Q: Weights, R: Weights, *, end: Weights | None = None) -> Regul
     left, final = (weighed, weights) if end is None else along.weighed(end, "end")
     S = along.of_inputs(R, "R")
 
-    def rate(m: Matrices, P: np.ndarray) -> np.ndarray:
-        C = along.rows(m, weighed)
-        own = P @ m.B[:, : len(S)]
-        return -(m.A.T @ P + P @ m.A - own @ np.linalg.solve(S, own.T) + C.T @ weights @ C)
+    def hamiltonian(m: Matrices) -> np.ndarray:
+        C, B = along.rows(m, weighed), m.B[:, : len(S)]
+        return np.block([[m.A, -B @ np.linalg.solve(S, B.T)], [-C.T @ weights @ C, -m.A.T]])
 
     def last(m: Matrices) -> np.ndarray:
         C = along.rows(m, left)
         return C.T @ final @ C
 
-    pieces = along.solved(rate, last, [*weighed, *left], backward=True)
+    pieces = along.solved(hamiltonian, last, [*weighed, *left], backward=True)
     gains = [np.linalg.solve(S, m.B[:, : len(S)].T @ P) @ np.linalg.pinv(along.expand(m, at)) for at, m, P in pieces]
     points = [at for at, _, _ in pieces]
     expand = np.array([along.expand(m, at) for at, m, _ in pieces])
@@ -167,16 +169,15 @@ def kalman(
     size = sum(along.functions.outputs.resolve(one).numel() for one in seen)
     V = _matrix(noise, size, "kalman: noise", positive=True)
 
-    def rate(m: Matrices, P: np.ndarray) -> np.ndarray:
+    def hamiltonian(m: Matrices) -> np.ndarray:
         C, B = along.rows(m, seen), m.B[:, : len(W)]
-        own = P @ C.T
-        return m.A @ P + P @ m.A.T + B @ W @ B.T - own @ np.linalg.solve(V, own.T)
+        return np.block([[-m.A.T, C.T @ np.linalg.solve(V, C)], [B @ W @ B.T, m.A]])
 
     def first(m: Matrices) -> np.ndarray:
         given = np.asarray(start, dtype=float)
         return given * np.eye(len(m.A)) if given.ndim == 0 else given
 
-    pieces = along.solved(rate, first, seen, backward=False)
+    pieces = along.solved(hamiltonian, first, seen, backward=False)
     gains: list[np.ndarray] = []
     spread: list[np.ndarray] = []
     for at, m, P in pieces:
@@ -281,25 +282,34 @@ def _trajectory(of: Any, what: str) -> Trajectory:
     return run
 
 
-class _Interpolated:
-    """Matrices between times, by cubic splines."""
+@on_one_thread
+def _riccati(times: np.ndarray, hamiltonians: np.ndarray, P: np.ndarray) -> np.ndarray:
+    """P (k, k) at the first of the times (n,), which may go back -> at all of them (n, k, k): P = Y X^-1, where (X, Y)' = H (X, Y) with H (n, 2 k, 2 k) at the times, and between
+    them by cubic splines. Davison and Maki: The numerical solution of the matrix Riccati differential equation (1973); exponentials of Magnus' fourth order.
+    """
+    import scipy.interpolate
+    import scipy.linalg
 
-    def __init__(self, times: np.ndarray, all_matrices: Sequence[Matrices]) -> None:
-        import scipy.interpolate
-
-        self._first = all_matrices[0]
-        self._shapes = [part.shape for part in self._parts(self._first)]
-        table = np.array([np.concatenate([part.ravel() for part in self._parts(m)]) for m in all_matrices])
-        self._spline: Any = scipy.interpolate.CubicSpline(np.sort(times), table[np.argsort(times)])
-
-    @staticmethod
-    def _parts(m: Matrices) -> tuple[np.ndarray, ...]:
-        return m.A, m.B, m.C
-
-    def __call__(self, t: float) -> Matrices:
-        parts = np.split(self._spline(t), np.cumsum([int(np.prod(shape)) for shape in self._shapes])[:-1])
-        A, B, C = (part.reshape(shape) for part, shape in zip(parts, self._shapes, strict=True))
-        return replace(self._first, A=A, B=B, C=C)
+    k = len(P)
+    lapack: Any = scipy.linalg.lapack
+    size = lapack.dgebal(np.max(np.abs(hamiltonians), axis=0), scale=1, permute=0)[3]
+    H = hamiltonians * size / size[:, None]
+    fastest = float(np.max(np.abs(np.linalg.eigvals(H))))
+    parts = 1 + int(fastest * np.max(np.abs(np.diff(times))))
+    along = np.sign(times[-1] - times[0])
+    at: Any = scipy.interpolate.CubicSpline(along * times, H)
+    nodes = np.interp(np.arange(parts * (times.size - 1) + 1) / parts, np.arange(times.size), times)
+    h = np.diff(nodes)[:, None, None]
+    one, two = (at(along * (nodes[:-1] + c * h.ravel())) for c in _GAUSS)
+    steps = scipy.linalg.expm(h / 2 * (one + two) + 3**0.5 / 12 * h**2 * (two @ one - one @ two))
+    found, now = [P], P * size[:k] / size[k:, None]
+    for count, step in enumerate(steps, 1):
+        X, Y = np.vsplit(step @ np.vstack([np.eye(k), now]), 2)
+        now = np.linalg.solve(X.T, Y.T).T
+        if count % parts == 0:
+            there = now * size[k:, None] / size[:k]
+            found.append((there + there.T) / 2)
+    return np.array(found)
 
 
 class _Along:
@@ -370,15 +380,13 @@ class _Along:
 
     def solved(
         self,
-        rate: Callable[[Matrices, np.ndarray], np.ndarray],
+        hamiltonian: Callable[[Matrices], np.ndarray],
         begin: Callable[[Matrices], np.ndarray],
         wanted: Sequence[Expression],
         *,
         backward: bool,
     ) -> list[tuple[OperatingPoint, Matrices, np.ndarray]]:
         """The Riccati equation along the run in pieces with independent coordinates of their own: points in order of time, with its solution."""
-        import scipy.integrate
-
         self._wanted = list({id(one): one for one in wanted}.values())
         ends = np.linspace(self.run.t[0], self.run.t[-1], _PIECES + 1)
         found: list[tuple[OperatingPoint, Matrices, np.ndarray]] = []
@@ -389,7 +397,6 @@ class _Along:
             times = np.linspace(a, b, _SAMPLES)
             here = [self.at(float(t)) for t in times]
             own = [linear.at(at) for at in here]
-            between = _Interpolated(times, own)
             if not P.size:
                 P = begin(own[0])
             elif backward:
@@ -398,15 +405,7 @@ class _Along:
             else:
                 T = np.linalg.lstsq(own[0].expand, before, rcond=None)[0]
                 P = T @ P @ T.T
-            solution = scipy.integrate.solve_ivp(
-                lambda t, y, between=between, shape=P.shape: rate(between(t), y.reshape(shape)).ravel(), (a, b), P.ravel(), t_eval=times, rtol=1e-8,
-                atol=1e-10 * (float(np.max(np.abs(P))) or 1.0), method="Radau",
-            )  # fmt: skip
-            if not solution.success:
-                raise OptionError(
-                    f"{self.what}: the Riccati equation has no solution beyond {solution.t[-1]:g} s: {solution.message}"
-                )
-            values = [(y.reshape(P.shape) + y.reshape(P.shape).T) / 2 for y in solution.y.T]
+            values = _riccati(times, np.array([hamiltonian(m) for m in own]), P)
             found += list(zip(here, own, values, strict=True))[: None if k == (0 if backward else _PIECES - 1) else -1]
             P, before = values[-1], own[-1].expand
         return found[::-1] if backward else found
