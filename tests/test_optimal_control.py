@@ -829,34 +829,84 @@ def test_wheels_whose_torques_are_held_turn_a_satellite_in_least_time() -> None:
     assert best.defect < 1e-6
 
 
-def test_what_a_loop_keeps_from_turning_is_not_asked_to_turn() -> None:
-    """A plate on three pairs of rods of equal length, as in a delta robot: no row of its program follows from the others."""
-    scene: Any = ac.System()
-    scene.world, scene.plate = World(gravity=(0, 0, -9.81)), RigidBody(0.3, (1e-4, 1e-4, 2e-4))
-    scene.torques = [ac.Input("N m") for _ in range(3)]
-    ways = [np.array((np.cos(a), np.sin(a), 0.0)) for a in 2 * np.pi / 3 * np.arange(3)]
-    across = [np.array((-y, x, 0.0)) for x, y, _ in ways]
-    scene.hips = [Revolute(tuple(one)) for one in across]
-    scene.arms = [RigidBody.rod(0.3, tuple(0.25 * one)) for one in ways]
-    scene.motors, scene.rods = [TorqueSource(one) for one in scene.torques], [Rod(0.5) for _ in range(6)]
-    for k in range(3):
-        scene.connect(scene.world.at(tuple(0.2 * ways[k])), scene.hips[k].frame_a)
-        scene.connect(scene.hips[k].frame_b, scene.arms[k].frame)
-        scene.connect(scene.motors[k].flange, scene.hips[k].flange)
-        for side, rod in ((-0.04, scene.rods[2 * k]), (0.04, scene.rods[2 * k + 1])):
-            scene.connect(scene.arms[k].at(tuple(0.25 * ways[k] + side * across[k])), rod.frame_a)
-            scene.connect(scene.plate.at(tuple(0.05 * ways[k] + side * across[k])), rod.frame_b)
-    place = scene.plate.frame.position
+class Delta(ac.System):
+    """A plate on three pairs of rods of equal length, each on an arm that a torque turns."""
+
+    def __init__(self) -> None:
+        self.world, self.plate = World(gravity=(0, 0, -9.81)), RigidBody(0.3, (1e-4, 1e-4, 2e-4))
+        self.torques = [ac.Input("N m") for _ in range(3)]
+        self.ways = [np.array((np.cos(a), np.sin(a), 0.0)) for a in 2 * np.pi / 3 * np.arange(3)]
+        across = [np.array((-y, x, 0.0)) for x, y, _ in self.ways]
+        self.hips = [Revolute(tuple(one)) for one in across]
+        self.arms = [RigidBody.rod(0.3, tuple(0.25 * one)) for one in self.ways]
+        self.motors, self.rods = [TorqueSource(one) for one in self.torques], [Rod(0.5) for _ in range(6)]
+        for k, way in enumerate(self.ways):
+            self.connect(self.world.at(tuple(0.2 * way)), self.hips[k].frame_a)
+            self.connect(self.hips[k].frame_b, self.arms[k].frame)
+            self.connect(self.motors[k].flange, self.hips[k].flange)
+            for side, rod in ((-0.04, self.rods[2 * k]), (0.04, self.rods[2 * k + 1])):
+                self.connect(self.arms[k].at(tuple(0.25 * way + side * across[k])), rod.frame_a)
+                self.connect(self.plate.at(tuple(0.05 * way + side * across[k])), rod.frame_b)
+
+
+@pytest.fixture(scope="module")
+def pick_and_place() -> tuple[Delta, ac.OptimalControl]:
+    """Up over something, and down again elsewhere."""
+    scene = Delta()
+    place, speed = scene.plate.frame.position, scene.plate.frame.velocity
     ocp = ac.OptimalControl(ac.build(scene), 0.5)
     ocp.start({place: (-0.1, 0, -0.4)})
-    ocp.end({place: (0.1, 0.05, -0.4), scene.plate.frame.velocity: (0, 0, 0)})
+    ocp.at(0.5, {place[2]: (-0.33, np.inf)})
+    ocp.end({place: (0.1, 0.05, -0.4), speed: (0, 0, 0)})
     ocp.minimise(ac.integral(sum(one**2 for one in scene.torques)))
+    return scene, ocp
+
+
+def test_what_a_loop_keeps_from_turning_is_not_asked_to_turn(pick_and_place: Any) -> None:
+    """As the plate of a delta robot: no row of its program follows from the others."""
+    _, ocp = pick_and_place
     program = whole([ocp.part(Mesher(2, 5, "free", "ipopt"))], []).program
     beside = program.guess + 0.01 * np.random.default_rng(0).normal(size=program.size)
     J = np.array(program.derivatives["jac_g"](beside, [])[1])[:, program.bounds[0] < program.bounds[1]]
     assert np.linalg.matrix_rank(J, 1e-9 * np.linalg.norm(J, 2)) == program.rows
-    best = ocp.solve(6, refinements=0)
-    assert best.run[place][-1] == pytest.approx([0.1, 0.05, -0.4], abs=1e-4)
+
+
+def test_a_delta_robot_picks_and_places_as_its_plate_alone_says(pick_and_place: Any) -> None:
+    """Lagrange's equations for the place of the plate, by which the angles of the arms are known in closed form, transcribed by hand for Opti."""
+    (scene, ocp), n, s = pick_and_place, 6, 5
+    best = ocp.solve(n, order=2 * s - 1, refinements=0, guesses=0)
+    p, v, torques, g = ca.SX.sym("p", 3), ca.SX.sym("v", 3), ca.SX.sym("torques", 3), 9.81
+    angles = list[ca.SX]()
+    for way in scene.ways:
+        r = p + 0.05 * way - 0.2 * way
+        a, b, c = ca.dot(r, way), -r[2], (ca.sumsqr(r) + 0.25**2 - 0.5**2) / 0.5  # a cos + b sin = c
+        angles.append(ca.atan2(b, a) - ca.acos(c / ca.sqrt(a**2 + b**2)))
+    hips = ca.vertcat(*angles)
+    inertia, J = 0.3 * 0.25**2 / 3, ca.jacobian(hips, p)
+    height = 0.3 * g * p[2] - 0.3 * g * 0.125 * ca.sum1(ca.sin(hips))
+    forces = J.T @ (torques - inertia * ca.jtimes(J @ v, p, v)) - ca.jacobian(height, p).T
+    rate = ca.Function(
+        "rate", [ca.vertcat(p, v), torques], [ca.vertcat(v, ca.solve(0.3 * ca.SX.eye(3) + inertia * J.T @ J, forces))]
+    )
+    C, _, weights = ca.collocation_coeff(ca.collocation_points(s, "radau"))
+    opti, h = ca.Opti(), 0.5 / n
+    X, U, cost = opti.variable(6, s * n + 1), opti.variable(3, s * n), 0
+    for i in range(n):
+        block, own = X[:, s * i : s * (i + 1) + 1], U[:, s * i : s * (i + 1)]
+        opti.subject_to(ca.vec(block @ C - h * rate.map(s)(block[:, 1:], own)) == 0)
+        cost += h * ca.sum1(own**2) @ weights
+    opti.subject_to(X[:, 0] == ca.DM([-0.1, 0, -0.4, 0, 0, 0]))
+    opti.subject_to(X[2, s * (n // 2)] >= -0.33)
+    opti.subject_to(X[:, -1] == ca.DM([0.1, 0.05, -0.4, 0, 0, 0]))
+    opti.minimize(cost)
+    times = np.append(0.0, best.mesh.points.ravel())
+    opti.set_initial(X[:3, :], np.array([-0.1, 0, -0.4])[:, None] + np.outer([0.2, 0.05, 0.0], times))
+    opti.solver(
+        "ipopt", {"print_time": False, "expand": True}, {"print_level": 0, "sb": "yes", "tol": 1e-10, "bound_relax_factor": 0.0}
+    )
+    solved = opti.solve()
+    assert best.cost == pytest.approx(float(solved.value(cost)), rel=1e-8)
+    assert best.run[scene.plate.frame.position][-1] == pytest.approx([0.1, 0.05, -0.4], abs=1e-5)
 
 
 def test_a_four_bar_stays_closed_and_turns_at_least_cost() -> None:

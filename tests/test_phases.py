@@ -28,6 +28,7 @@ from components import (
     TranslationalGround,
     World,
 )
+from tests.similar import Units, four_bar_scene, slider_crank
 
 
 class Hopper(ac.System):
@@ -487,6 +488,46 @@ def test_similar_scenes_are_searched_alike(problem: Any, intervals: int, length:
     assert other.cost == pytest.approx(one.cost * unit**2 * time, rel=1e-12)
     for mine, its in zip(one.phases, other.phases, strict=True):
         assert its.defects == pytest.approx(mine.defects, rel=1e-3, abs=1e-9)
+
+
+def turning_crank(kind: str, of: Units) -> tuple[Any, ac.OptimalControl]:
+    """The crank of a four-bar, or of a slider-crank, and its turn over and over at least effort."""
+    scene = four_bar_scene(of) if kind == "four-bar" else slider_crank(of).scene
+    scene.torque = ac.Input("N m")
+    scene.motor = TorqueSource(scene.torque)
+    scene.connect(scene.motor.flange, scene.a.flange)
+    turn = ac.OptimalControl(ac.build(scene), of.time)
+    turn.start({scene.a.q: 0.3, scene.a.v: ac.free(of.rate, 40 * of.rate, 6 * of.rate)})
+    turn.periodic(turns={scene.a.q: 1})
+    turn.minimise(ac.integral((scene.torque + 3 * of.torque) ** 2))
+    return scene, turn
+
+
+@pytest.mark.parametrize("kind", ["four-bar", "slider-crank"])
+def test_similar_loops_are_searched_and_estimated_alike(kind: str) -> None:
+    """In metres, millimetres and kilometres and any other unit: as many iterations, the same optimum to rounding; as many motions, the same values of a recording."""
+    found: list[tuple[Any, ...]] = []
+    for of in (Units(), Units(1e-3), Units(1e3, 20.0, 0.03)):
+        scene, turn = turning_crank(kind, of)
+        best = turn.solve(8, refinements=0, guesses=0)
+        at, start = np.linspace(0.05, 0.4, 8), {scene.a.q: 0.3, scene.a.v: 5 * of.rate}
+        run = turn.model.simulate(0.4 * of.time, start, inputs={scene.torque: 2.0 * of.torque}, rtol=1e-10)
+        data = run.at(at * of.time)[scene.c.q] + 0.01 * np.sin(40 * at)
+        told = ac.estimate(turn.model, {scene.c.q: (at * of.time, data, 0.01)}, [scene.torque, scene.a.v], start)
+        values, units = (told.values, [told.standard_error(key) for key in told.unknowns]), np.array([of.torque, of.rate])
+        found.append(
+            (
+                best.iterations,
+                told.evaluations,
+                best.cost / of.torque**2 / of.time,
+                best.defects,
+                *(np.divide(one, units) for one in values),
+            )
+        )
+    for iterations, evaluations, cost, defects, values, errors in found[1:]:
+        assert (iterations, evaluations) == found[0][:2]
+        assert cost == pytest.approx(found[0][2], rel=1e-12) and defects == pytest.approx(found[0][3], rel=1e-6)
+        assert values == pytest.approx(found[0][4], rel=1e-7) and errors == pytest.approx(found[0][5], rel=1e-6)
 
 
 @pytest.mark.parametrize(("length", "lean", "time"), [(0.9, 0.4, 0.7), (0.02, 0.5, 0.1)])
