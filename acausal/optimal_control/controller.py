@@ -13,6 +13,7 @@ from acausal.optimal_control.checks import outside_at_start
 from acausal.optimal_control.failing import REASONS
 from acausal.optimal_control.guess import Guess
 from acausal.optimal_control.mesh import through
+from acausal.optimal_control.near_by import NearBy
 from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.real_time import RealTime
 from acausal.optimal_control.search import ipopt_options
@@ -21,8 +22,8 @@ from acausal.optimal_control.search import ipopt_options
 class Controller:
     """States x (nx,) -> inputs u (nu,): the first inputs of the best motion from x on, which replaces the rest of the one before.
 
-    `best`: the motion planned last; `rate` [s]: the time between two calls, by which plans are shifted; `solver`: "ipopt" finds the best motion in each call, a solver of
-    quadratic programs makes one step towards it. Made by `OptimalControl.controller`.
+    `best`: the motion planned last; `rate` [s]: the time between two calls, by which plans are shifted; `solver`: "ipopt" finds the best motion in each call, where Newton's steps from
+    the plan before do not lead to it; a solver of quadratic programs makes one step towards it. Made by `OptimalControl.controller`.
     """
 
     def __init__(self, best: Optimum, rate: float, solver: str, options: dict[str, Any]) -> None:
@@ -33,7 +34,7 @@ class Controller:
             )
         self._planned, self.rate, self._w, self._iterations = best, rate, best.unknowns, best.iterations
         self._program = transcribed.program.balanced()
-        self._multipliers: tuple[ca.DM, ca.DM] | None = None
+        self._multipliers: tuple[np.ndarray, np.ndarray] | None = None
         self._options = options
         self._step = None if solver == "ipopt" else RealTime(best, self._program, rate, solver, options)
 
@@ -68,6 +69,10 @@ class Controller:
         return through(c, np.eye(c.size))[-1]
 
     @functools.cached_property
+    def _near(self) -> NearBy:
+        return NearBy(self._program)
+
+    @functools.cached_property
     def _first(self) -> ca.Function:
         return self._solver(known=False)
 
@@ -88,6 +93,15 @@ class Controller:
         (least, most), (lower, upper) = bounds, program.limits
         more: dict[str, Any] = {}
         solver = self._first
+        near = (
+            None
+            if self._multipliers is None or self._options
+            else self._near(np.clip(guess, least, most), *self._multipliers, bounds)
+        )
+        if near is not None:
+            self._w, *multipliers, self._iterations = near
+            self._multipliers = multipliers[0], multipliers[1]
+            return
         if self._multipliers is not None:
             solver, more = self._again, {"lam_x0": self._multipliers[0], "lam_g0": self._multipliers[1]}
         given: dict[str, Any] = {"x0": np.clip(guess, least, most), "lbx": least, "ubx": most, "lbg": lower, "ubg": upper}
@@ -100,7 +114,8 @@ class Controller:
             self._multipliers = None
             failed = self._planned.again(w, float(found["f"]) * program.unit, iterations, np.full(program.rows, np.nan))
             raise OptimalControlError(self._failure(state, stats["return_status"]), failed)
-        self._w, self._iterations, self._multipliers = w, iterations, (found["lam_x"], found["lam_g"])
+        of_bounds, of_rows = (np.array(found[name]).ravel() for name in ("lam_x", "lam_g"))
+        self._w, self._iterations, self._multipliers = w, iterations, (of_bounds, of_rows)
 
     def _failure(self, state: np.ndarray, status: str) -> str:
         asked, motion = self._planned.transcribed.asked, self._planned.motion
