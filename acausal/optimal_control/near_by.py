@@ -14,8 +14,10 @@ _STEPS = 8
 """Who needs more is not near."""
 _TOLERANCE, _PRESSES = 1e-9, 1e-7
 """Of the program in units of its own: what is left of its conditions and, by what presses, of its cost; and from which multiplier on something is held at its bound where it begins."""
-_SOFT = 1e-7
-"""In units of the program: by how much rows give way in a step, and unknowns are held back; what that leaves, the next step takes. Its square is more than rounding, so no pivot vanishes."""
+_STIFF, _SOFT = 1e-9, 1e-6
+"""In units of the program: by how much unknowns are held back in a step, and rows give way; a second solution takes nearly all of that back. Their product is more than rounding, so no pivot
+vanishes.
+"""
 
 Solved = tuple[np.ndarray, np.ndarray, np.ndarray, int]
 """Unknowns, multipliers of their bounds and of the rows, and steps."""
@@ -65,14 +67,14 @@ class NearBy:
 
     def _is_least(self) -> bool:
         """By the inertia of the matrix (Nocedal and Wright, theorem 16.3)."""
-        matrix = self._matrix(*self._given)
+        matrix = self._matrix(*self._given[:4])
         self._pivots.nfact(matrix)
         return self._pivots.neig(matrix) == self._program.rows
 
 
 def _step(program: Program) -> tuple[ca.Function, ca.Function]:
-    """(w, multipliers of the rows, which unknowns are free, which rows are, where the others are to be: unknowns, rows) -> the matrix of a step; and -> slope of the Lagrangian, rows, both after the
-    step to first order: unknowns and rows, multipliers of bounds and rows.
+    """(w, multipliers of the rows, which unknowns are free, which rows are) -> the matrix of a step. And these, with where the others are to be, unknowns and rows -> slope of the
+    Lagrangian, rows; after the step, to first order, unknowns and rows, and multipliers of bounds and rows.
     """
     n, m = program.size, program.rows
     w, factors, free, loose, wall, limit = (ca.MX.sym("given", size) for size in (n, m, n, m, n, m))
@@ -83,17 +85,17 @@ def _step(program: Program) -> tuple[ca.Function, ca.Function]:
     own, bound = ca.diag(free), ca.diag(1 - loose)
     A = bound @ J @ own
     matrix = ca.blockcat([
-        [own @ H @ own + ca.diag(1 - free + _SOFT), A.T],
+        [own @ H @ own + ca.diag(1 - free + _STIFF), A.T],
         [A, -ca.diag(loose + _SOFT)],
     ])  # fmt: skip
     known = (1 - free) * (wall - w)
     right = ca.vertcat(known - free * (slope + H @ known), (1 - loose) * (limit - rows - J @ known) + loose * factors)
     step = ca.solve(matrix, right, "ldl")
-    soft = ca.DM(np.repeat([_SOFT, -_SOFT], [n, m]))
+    soft = ca.DM(np.repeat([_STIFF, -_SOFT], [n, m]))
     step += ca.solve(matrix, right - matrix @ step + soft * step, "ldl")
     more = H @ step[:n] + J.T @ step[n:]
     ahead = ca.vertcat(w + step[:n], rows + J @ step[:n])
     pull = ca.vertcat(-(slope + more), factors + step[n:])
     given = [w, factors, free, loose, wall, limit]
     options = {"cse": True}
-    return ca.Function("matrix", given, [matrix], options), ca.Function("step", given, [slope, rows, ahead, pull], options)
+    return ca.Function("matrix", given[:4], [matrix], options), ca.Function("step", given, [slope, rows, ahead, pull], options)

@@ -244,7 +244,7 @@ class OptimalControl:
     ) -> Controller:
         """States x -> inputs u, from this problem from x on in each call, warm started; `rate` [s]: the time between two calls, for which the inputs are to be held.
 
-        `solver`: "ipopt" solves it each time; "piqp" (or another solver of quadratic programs in CasADi) makes one step from the plan before, in a fraction of that time, for a
+        `solver`: "ipopt" solves it each time, where Newton's steps from the plan before do not (with `options` always); "piqp" (or another solver of quadratic programs in CasADi) makes one step from the plan before, in a fraction of that time, for a
         convex cost and a fixed duration, and falls back to ipopt where such a step fails.
         """
         every = finite(rate, "controller: the rate [s]")
