@@ -1,8 +1,8 @@
 """Optimal control: closed forms, problems transcribed by hand, loops, free geometry, and what is said where there is no optimum."""
 
-import _thread
+import functools
 import re
-import threading
+import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import Any, cast
@@ -1445,22 +1445,47 @@ def test_an_input_without_effect_is_said() -> None:
         rest_to_rest(ac.build(scene), scene, 1.0).solve(4)
 
 
-def test_an_interrupted_search_hands_over_its_iterate(monkeypatch: pytest.MonkeyPatch) -> None:
-    scene = CartPole()
-    ocp = ac.OptimalControl(ac.build(scene), 2.0)
-    ocp.start({scene.rail.q: 0.0, scene.hinge.q: 0.0})
-    ocp.end({scene.hinge.q: np.pi, scene.rail.v: 0.0, scene.hinge.v: 0.0})
-    ocp.minimise(ac.integral(scene.force**2))
-    search = attempts.search
+class Interrupting(ca.Callback):
+    """x -> 0, and Ctrl-C the n-th time."""
 
-    def interrupted(*given: Any, **named: Any) -> Any:
-        threading.Timer(0.5, _thread.interrupt_main).start()
-        return search(*given, **named)
+    def __init__(self, at: int) -> None:
+        ca.Callback.__init__(self)
+        self.left = at
+        self.construct("interrupting", {})
 
-    monkeypatch.setattr(attempts, "search", interrupted)
+    def eval(self, arg: Any) -> list[float]:
+        self.left -= 1
+        if not self.left:
+            signal.raise_signal(signal.SIGINT)
+        return [0.0]
+
+
+@pytest.mark.parametrize(("which", "at"), [("_gradient", 3), ("_jacobian", 4), ("_hessian", 6)])
+@pytest.mark.parametrize("solver", ["ipopt", "piqp", "fatrop"])
+def test_an_interrupted_search_hands_over_its_iterate(solver: str, at: int, which: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Wherever Ctrl-C comes among evaluations; where there are steps already, what they have come to."""
+    made, interrupting = getattr(Program, which).func, Interrupting(at)
+
+    def interrupted(program: Program) -> ca.Function:
+        function = made(program)
+        given = [function.mx_in(k) for k in range(function.n_in())]
+        told = function.call([given[0] + interrupting(given[0][0]), *given[1:]])
+        return ca.Function(function.name(), given, told, function.name_in(), function.name_out())
+
+    again = functools.cached_property(interrupted)
+    again.__set_name__(Program, which)
+    monkeypatch.setattr(Program, which, again)
+    ocp = cart_pole()
     with pytest.raises(KeyboardInterrupt, match="last iterate") as stopped:
-        ocp.solve(100, refinements=0, options={"ipopt.tol": 1e-30, "ipopt.acceptable_tol": 1e-31, "ipopt.max_iter": 100000})
-    assert getattr(stopped.value, "best").x.shape == (4, 101)  # noqa: B009  # nobody declared it
+        ocp.solve(10, solver=solver, refinements=0, guesses=0)
+    best = getattr(stopped.value, "best")  # noqa: B009  # nobody declared it
+    assert best.x.shape == (4, 11) and best.cost > 0
+    begun = whole([ocp.part(Mesher(10, 5, "free", solver))], []).program.guess
+    assert (best.iterations > 0) == (np.max(np.abs(best.unknowns - begun)) > 1e-3)
+    assert best.iterations > 0 or which != "_hessian"
+    monkeypatch.undo()
+    ocp.guess(best)
+    assert ocp.solve(10, refinements=0).defect < 0.02
 
 
 @pytest.mark.parametrize("solver", ["ipopt", "piqp"])

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from acausal.errors import OptionError
+from acausal.optimal_control.interrupts import noticed
 from acausal.optimal_control.separable import FATROP, IPOPT, Program
 from acausal.optimal_control.staged import staged
 
@@ -66,30 +68,79 @@ def search(
             return found
         steps = int(found[-1]["iter_count"])
     w, cost, factors, gaps, stats = _found(program, made[key], given)[0]
+    if stats["return_status"] == INTERRUPTED:
+        cost = float(program.values(w)[0]) * program.unit  # which ipopt says is nothing
     return w, cost, factors, gaps, {**stats, "iter_count": stats["iter_count"] + steps}
 
 
 def _otherwise(program: Program, plugin: str, given: dict[str, np.ndarray], made: dict[Any, Any]) -> tuple[Outcome, bool]:
     """By stages, or one quadratic program after the other; and whether that is a least cost."""
     if (program, plugin) not in made:
-        made[program, plugin] = _InStages(program) if plugin == FATROP else program.solver("sqpmethod", _sqp_options(plugin))
+        made[program, plugin] = _InStages(program) if plugin == FATROP else _InSteps(program, plugin)
+    solver = made[program, plugin]
     try:
-        found, loose = _found(program, made[program, plugin], given)
+        found, loose = _found(program, solver, given)
     except RuntimeError as stopped:
-        status = INTERRUPTED if "KeyboardInterrupt" in str(stopped) else str(stopped)
-        w, stats = given["x0"], {"success": False, "return_status": status, "iter_count": 0}
+        status = INTERRUPTED if solver.interrupted or "KeyboardInterrupt" in str(stopped) else str(stopped)
+        w, count = solver.last(given["x0"])
         cost = float(program.values(w)[0]) * program.unit
+        stats = {"success": False, "return_status": status, "iter_count": count}
         return (w, cost, np.zeros(program.rows), np.zeros(w.size + program.rows), stats), False
     w, _, factors, gaps, stats = found  # what presses from the wrong side still counts as success there
     meets = stats["success"] and np.max(gaps, initial=0.0) < NEARLY * program.unit
     return found, meets and not program.bent_downwards(w, factors, loose)
 
 
+class _Iterates(ca.Callback):
+    """Keeps unknowns at which a solver of a program has come, the first of which are where it began."""
+
+    def __init__(self, program: Program) -> None:
+        ca.Callback.__init__(self)
+        n, m = program.size, program.rows
+        self._sizes = {"x": n, "lam_x": n, "g": m, "lam_g": m, "f": 1}
+        self.count, self.last = -1, np.zeros(0)
+        self.construct("iterates", {})  # pyright: ignore[reportUnknownMemberType]
+
+    def get_n_in(self) -> int:
+        return ca.nlpsol_n_out()
+
+    def get_n_out(self) -> int:
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        return ca.Sparsity.dense(self._sizes.get(ca.nlpsol_out(i), 0), 1)
+
+    def eval(self, arg: Any) -> list[int]:
+        """Goes on."""
+        self.count, self.last = self.count + 1, np.array(arg[0]).ravel()
+        return [0]
+
+
+class _InSteps:
+    """A solver of a program by one quadratic program after the other."""
+
+    interrupted = False
+    """It says so itself."""
+
+    def __init__(self, program: Program, plugin: str) -> None:
+        self._iterates = _Iterates(program)
+        self._solver = program.solver("sqpmethod", {**_sqp_options(plugin), "iteration_callback": self._iterates})
+        self.stats = self._solver.stats
+
+    def __call__(self, **given: np.ndarray) -> dict[str, Any]:
+        self._iterates.count = -1
+        return self._solver(**given)
+
+    def last(self, begin: np.ndarray) -> tuple[np.ndarray, int]:
+        """Unknowns where it came last, and after how many steps."""
+        return (self._iterates.last, self._iterates.count) if self._iterates.count >= 0 else (begin, 0)
+
+
 class _InStages:
     """A solver of a program that eliminates one stage after the other. Raises `RuntimeError` where it has none."""
 
     def __init__(self, program: Program) -> None:
-        self._staged = None if program.stages is None else staged(program, program.stages)
+        self._staged, self._told = None if program.stages is None else staged(program, program.stages), list[int]()
         if self._staged is None:
             return
         options = {"print_time": False, "error_on_fail": False, "show_eval_warnings": False, "inputs_check": False}
@@ -99,13 +150,24 @@ class _InStages:
     def __call__(self, **given: np.ndarray) -> dict[str, Any]:
         if self._staged is None:
             raise RuntimeError("no stages")
-        return self._staged.results(self._solver(**self._staged.arguments(given)))
+        with noticed() as self._told:
+            found = self._solver(**self._staged.arguments(given))
+        return self._staged.results(found)
+
+    @property
+    def interrupted(self) -> bool:
+        """Whether somebody asked it to end."""
+        return bool(self._told)
+
+    def last(self, begin: np.ndarray) -> tuple[np.ndarray, int]:
+        """Where it was to begin."""
+        return begin, 0
 
     def stats(self) -> dict[str, Any]:
         """In words of ipopt."""
         said = self._solver.stats()
-        status = CONVERGED if said["success"] else "Search_Direction_Becomes_Too_Small"
-        return {"success": said["success"], "return_status": status, "iter_count": said["iter_count"]}
+        status = INTERRUPTED if self._told else CONVERGED if said["success"] else "Search_Direction_Becomes_Too_Small"
+        return {"success": said["success"] and not self._told, "return_status": status, "iter_count": said["iter_count"]}
 
 
 def _found(program: Program, solver: Any, given: dict[str, np.ndarray]) -> tuple[Outcome, np.ndarray]:
