@@ -18,7 +18,7 @@ from acausal.optimal_control.link import Link
 from acausal.optimal_control.mesh import Mesher
 from acausal.optimal_control.mode import PhaseMode, replace_words
 from acausal.optimal_control.optimum import Optimum, left
-from acausal.optimal_control.problem import OptimalControl
+from acausal.optimal_control.problem import Goal, OptimalControl
 from acausal.optimal_control.solving import best_of
 from acausal.optimal_control.stage import Stage
 from acausal.optimal_control.swings import other_guesses
@@ -104,7 +104,7 @@ class Phases:
         links: list[Link] = []
         for k, problem in enumerate(self._problems):
             begin = self._begin(parts[-1], k) if k else None
-            parts.append(problem.part(Mesher(count[k], order, controls, solver), begin))
+            parts.append(problem.part(Mesher(count[k], order, controls, solver), begin, self._goal(parts, k)))
         for (i, j), said in self._links.items():
             links.append(self._link(i, j, said, parts))
         others = other_guesses(parts, whole_number(guesses, "solve: guesses", 0))
@@ -144,6 +144,36 @@ class Phases:
             number = ca.Function("value", [stage.unknowns, stage.data], [stage.put(stage.opened(value))])
             found[key] = near(np.array(number(z, [1.0, 0.0])).ravel())
         return found
+
+    def _goal(self, parts: Sequence[Part], k: int) -> Goal | None:
+        """Places to which the last phase leads, where the first one goes on from there: those at which that begins, or what is reset to these."""
+        said, mine, first = self._links.get((k, 0)), self._problems[k], self._problems[0]
+        if said is None or k < len(self._problems) - 1:
+            return None
+        known = (
+            None
+            if said.values is None
+            else [(key, _known(mine, value)) for key, value in first.symbols(said.values, "link").items()]
+        )
+        drift = mine.by_state(dict.fromkeys(mine.symbols(dict.fromkeys(said.drift, 0.0), "link: drift"), 1.0))
+
+        def goal(stage: Stage, x: np.ndarray) -> dict[Expression, Any]:
+            begun, x = (parts[0].asked.stage, parts[0].guess.values[0, : parts[0].asked.stage.sizes[0]]) if k else (stage, x)
+            f, nq = begun.functions, begun.functions.space.nq
+            if known is None:
+                kept = np.where(drift != 0, np.nan, x)
+                whole = f.space.expanded(begun.t0, kept, f.space.extended(begun.t0, kept, begun.p))
+                told = start_values(f, np.where(np.arange(whole.size) < f.outputs.system.nq, whole, np.nan))
+                return {key: value for key, value in told.items() if np.isfinite(value).all()}
+            z = np.concatenate([x, np.zeros(begun.unknowns.numel() - x.size)])
+            found: dict[Expression, Any] = {}
+            for key, value in known:
+                column = begun.put(begun.opened(key))
+                if isinstance(value, Expression) and not ca.depends_on(column, begun.unknowns[nq:]):
+                    found[value] = np.array(ca.Function("value", [begun.unknowns, begun.data], [column])(z, [0.0, 0.0])).ravel()
+            return found
+
+        return goal
 
     def _link(self, i: int, j: int, said: _Said, parts: Sequence[Part]) -> Link:
         before, after = self._problems[i], self._problems[j]

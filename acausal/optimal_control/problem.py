@@ -46,6 +46,10 @@ _STILL = 1e-8
 """Of where the scene is farthest off zero, in units of each position: nothing moves by less, beside rounding."""
 
 
+Goal = Callable[[Stage, np.ndarray], dict[Expression, Any]]
+"""A stage, and states (nx,) where it begins -> values of expressions where it ends."""
+
+
 class Simulated(Protocol):
     """What is asked of a model."""
 
@@ -220,10 +224,10 @@ class OptimalControl:
         others = other_guesses([part], whole_number(guesses, "solve: guesses", 0))
         return best_of([part], [], solver, dict(options or {}), tolerance, refinements, others).phases[0]
 
-    def part(self, mesher: Mesher, begin: Mapping[Expression, Any] | None = None) -> Part:
-        """As it is given to the solver. `begin`: start values near which the guess begins, where there are none of its own."""
+    def part(self, mesher: Mesher, begin: Mapping[Expression, Any] | None = None, goal: Goal | None = None) -> Part:
+        """As it is given to the solver. `begin`: start values near which the guess begins, where there are none of its own; `goal`: what it comes near to at its end, by where it begins."""
         mesh = mesher.mesh([at for at, _ in self._here])
-        asked, stops, units = self._asked(mesher.controls, begin)
+        asked, stops, units = self._asked(mesher.controls, begin, goal)
         bent = functools.partial(self._path, asked.stage, stops, mesh, units)
         first = self._told(asked.stage, mesh) or bent(0.0, None)
         measured = self._measured(asked, units, first)
@@ -274,7 +278,7 @@ class OptimalControl:
         return {"parameters": self._parameters, "t0": self._t0}
 
     def _asked(
-        self, controls: str, near_start: Mapping[Expression, Any] | None
+        self, controls: str, near_start: Mapping[Expression, Any] | None, goal: Goal | None
     ) -> tuple[Asked, list[tuple[float, np.ndarray]], np.ndarray]:
         """The problem in unknowns of a stage; stops of a path as a guess; what is much for each unknown."""
         f, model = self._functions, self.model
@@ -301,16 +305,20 @@ class OptimalControl:
             np.array([[v.lower, v.upper] for v in self._geometry.values()]).reshape(-1, 2),
         )  # fmt: skip
         units = self._units(stage, begin)
-        stops = self._stops(stage, begin, units, rests=asked.linear)
+        stops = self._stops(stage, begin, units, goal, rests=asked.linear)
         return asked, stops, self._units(stage, begin, np.ptp([x for _, x in stops], axis=0))
 
-    def _stops(self, stage: Stage, begin: InitialState, units: np.ndarray, *, rests: bool) -> list[tuple[float, np.ndarray]]:
+    def _stops(
+        self, stage: Stage, begin: InitialState, units: np.ndarray, goal: Goal | None, *, rests: bool
+    ) -> list[tuple[float, np.ndarray]]:
         """Parts of the duration, and states (nx,) nearest to those before that are as asked for then. What moves goes on, unless it `rests`, as where all is linear and any guess
         does.
         """
         stops = [(0.0, self._closed(stage, 0.0, begin.x, units, [*(self._start or {}), *self._opened]))]
-        for at in sorted({at for at, _ in self._here}):
-            values = {key: value for where, own in self._here if where == at for key, value in own.items()}
+        told = {} if goal is None else goal(stage, stops[0][1])
+        for at in sorted({at for at, _ in self._here} | ({1.0} if told else set())):
+            values = told if at == 1.0 else {}
+            values |= {key: value for where, own in self._here if where == at for key, value in own.items()}
             wanted = {
                 key: np.mean(np.asarray([_numbers(v) for v in _pair(value)], dtype=float), axis=0)
                 for key, value in values.items()
@@ -323,8 +331,8 @@ class OptimalControl:
                 stops.append((at, self._closed(stage, at, found, units, [*wanted])))
         more = self._more_at_the_end()
         if more is not None:
-            told, stops = [x for at, x in stops if at == 1.0], [stop for stop in stops if stop[0] < 1.0]
-            drifted = told[0] if told else stops[-1][1] + self._gone_on(stage, stops[-1], (1.0, begin.x), rests=rests)
+            ends, stops = [x for at, x in stops if at == 1.0], [stop for stop in stops if stop[0] < 1.0]
+            drifted = ends[0] if ends else stops[-1][1] + self._gone_on(stage, stops[-1], (1.0, begin.x), rests=rests)
             stops.append((1.0, np.where(np.isnan(more), drifted, begin.x + more)))
         if stops[-1][0] < 1.0:
             stops.append((1.0, stops[-1][1] + self._gone_on(stage, stops[-1], (1.0, stops[-1][1]), rests=rests)))
