@@ -67,6 +67,13 @@ class PhaseMode:
         return ca.vertcat(ca.SX(0, 1), *rows)
 
     @functools.cached_property
+    def open_gaps(self) -> ca.SX:
+        """Of what is open (n, 1), positions."""
+        pairs = zip(self.laws, self.words, strict=True)
+        rows = [law.row.gap for law, word in pairs if law.row.one_sided and word == "open" and not law.row.one_way]
+        return ca.vertcat(ca.SX(0, 1), *rows)
+
+    @functools.cached_property
     def speeds(self) -> ca.SX:
         """Rates of what is closed, and slips that stick (n, 1)."""
         return ca.vertcat(ca.SX(0, 1), *(self.rate(law) for law in self.laws if self.holds(law)))

@@ -36,6 +36,8 @@ _LITTLE = 1e-3
 """Of the unit of the cost: what integrals are measured by that are less."""
 _GOOD_PART = 0.2
 """Of all intervals: so many are more than switches fall into."""
+_TOUCHING = 1e-8
+"""In units of the program: by how much what touches is below."""
 _TOLD = 1e-6
 """Of what is bounded: by how much bounds are left, where that is told."""
 _DIGITS = 1e-8
@@ -248,9 +250,17 @@ class Optimum:
 
     @functools.cached_property
     def _nodes(self) -> np.ndarray:
-        """States at the nodes (nx, intervals + 1); what touches is not below by rounding."""
+        """States at the nodes (nx, intervals + 1); what touches is not below by rounding, nor by the last digits of a solver."""
         rounding = np.finfo(float).eps * np.max(np.abs(self.x), axis=1, keepdims=True)
-        return np.where(np.abs(self.x) > rounding, self.x, 0.0)
+        x, stage, units = np.where(np.abs(self.x) > rounding, self.x, 0.0), self.transcribed.asked.stage, self.transcribed.units
+        nx, more = len(x), np.append(self.duration, self.motion.free)
+        for k, at in enumerate(self.mesh.nodes if stage.mode.open_gaps.numel() else ()):
+            z = np.concatenate([x[:, k], np.zeros(stage.width - nx), more])
+            gaps, slopes = (np.array(one) for one in stage.open_gaps(z, [at, 0.0]))
+            slopes = slopes[:, :nx] * units[:nx]
+            below = np.flatnonzero((gaps[:, 0] < 0) & (gaps[:, 0] > -_TOUCHING * np.linalg.norm(slopes, axis=1)))
+            x[:, k] -= units[:nx] * (np.linalg.pinv(slopes[below], 1e-9) @ gaps[below, 0])
+        return x
 
     @property
     def _between(self) -> np.ndarray:

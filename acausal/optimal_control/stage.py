@@ -73,6 +73,11 @@ class Stage:
         return [(space.put(self._alive(value)), name) for value, name in found]
 
     @functools.cached_property
+    def open_gaps(self) -> ca.Function:
+        """See `slopes`: of what is open."""
+        return self.slopes(self.functions.space.put(self.mode.open_gaps))
+
+    @functools.cached_property
     def data(self) -> ca.SX:
         """When: as a part of the duration; and the length of the interval, likewise."""
         return ca.SX.sym("when", 2)
