@@ -28,6 +28,7 @@ from components import (
     TranslationalGround,
     World,
 )
+from examples.control import compass_gait
 from tests.similar import Units, four_bar_scene, slider_crank
 
 
@@ -528,6 +529,29 @@ def test_similar_loops_are_searched_and_estimated_alike(kind: str) -> None:
         assert (iterations, evaluations) == found[0][:2]
         assert cost == pytest.approx(found[0][2], rel=1e-12) and defects == pytest.approx(found[0][3], rel=1e-6)
         assert values == pytest.approx(found[0][4], rel=1e-7) and errors == pytest.approx(found[0][5], rel=1e-6)
+
+
+@pytest.mark.parametrize(("slope", "time", "far"), [(0.0, 0.55, 0.45), (0.08, 0.55, 0.45), (-0.05, 0.7, 0.35), (0.0, 0.8, 0.45)])
+def test_gaits_on_slopes_are_found_soon_and_walk_as_planned(slope: float, time: float, far: float) -> None:
+    """A guess of a step ends where the next one begins, with legs swapped; and the leg that stands leans one way and then the other below the hip, whose height goes with both: it does not leap
+    between them, so what holds it gives the height.
+    """
+    walker = compass_gait.Walker((9.81 * np.sin(slope), 0, -9.81 * np.cos(slope)))
+    gait = compass_gait.steps(walker, time, far)
+    made: list[Any] = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(attempts, "whole", lambda *given: made.append(whole(*given)) or made[-1])
+        best = gait.solve(14, refinements=0)
+    assert best[0].iterations < 100 and best.defect < 1e-4
+    assert best.run[walker.left.place][0] == pytest.approx([0, 0, 0], abs=1e-9)
+    program, labels = made[0].program, made[0].labels
+    missed = np.array(program.values(program.guess)[1]).ravel() - program.limits[0]
+    places = [
+        abs(missed[row])
+        for row, (name, _, _) in enumerate(labels)
+        if name in {f"{joint}.q goes on" for joint in ("lean", "hip", "up")}
+    ]
+    assert len(places) >= 2 and max(places) < 0.1
 
 
 @pytest.mark.parametrize(("length", "lean", "time"), [(0.9, 0.4, 0.7), (0.02, 0.5, 0.1)])

@@ -19,6 +19,9 @@ from acausal.numerics.folding import folded_function
 from acausal.optimal_control.mode import PhaseMode
 from acausal.outputs.functions import Functions
 
+_GLANCES, _BESIDE = 6, 0.5
+"""At how many places beside a point it is looked up what changes there, and how far that is, in what is much for each state."""
+
 
 @dataclass(frozen=True, eq=False)
 class Stage:
@@ -284,11 +287,35 @@ def independent_states(
         length = np.linalg.norm(own, axis=1)
         own = own / np.where(length > 0, length, 1.0)[:, None]
         gone = independent_entries(own, [k - columns.start for k in preferred if k in columns]).dependent
+        gone = _unfolded(stage, z, at, units, own, gone) if columns.start == 0 and gone and not preferred else gone
         dependent = {k + columns.start for k in gone}
         dependent -= _turning(stage, dependent, z) if whole else set()
         kept = [k for k in kept if k not in dependent]
         used += [block[0] + r for r in independent_rows(own)]
     return kept, used
+
+
+def _unfolded(stage: Stage, z: np.ndarray, at: float, units: np.ndarray, J: np.ndarray, gone: tuple[int, ...]) -> tuple[int, ...]:
+    """These positions that depend on others, or others where these fold beside: two of their values go with the same others, as of a leg that leans one way or the other below a hip, and a
+    motion that followed them would leap from one to the other. `J` (rows, nq): of the conditions.
+    """
+    n, nq, rng, aside = len(J), J.shape[1], np.random.default_rng(2), np.zeros(z.size)
+    rows, near = list(independent_rows(J)), [J]
+    for _ in range(_GLANCES):
+        aside[:nq] = _BESIDE * units[:nq] * rng.uniform(-1, 1, nq)
+        near.append(stage.slopes_of(stage.closing, z + aside, at)[:n, :nq] * units[:nq])
+    changing = np.flatnonzero(np.any([there * J < 0 for there in near], axis=(0, 1)))
+    others = independent_entries(J, changing.tolist()).dependent
+    if others == gone or len(rows) != len(gone):
+        return gone
+
+    def least(chosen: tuple[int, ...]) -> float:
+        """Of their smallest singular value; 0 where they fold."""
+        blocks = np.array([there[np.ix_(rows, chosen)] for there in near])
+        signs = np.sign(np.linalg.det(blocks))
+        return float(np.min(np.linalg.svd(blocks, compute_uv=False))) if np.all(signs == signs[0]) else 0.0
+
+    return others if least(others) > least(gone) else gone
 
 
 def _turning(stage: Stage, dependent: set[int], z: np.ndarray) -> set[int]:

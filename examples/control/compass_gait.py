@@ -17,9 +17,9 @@ LIMIT = 1e-8  # of what main returns
 class Walker(ac.System):
     """A body on two legs in a vertical plane: a torque between the legs, a force along each, and feet that are points."""
 
-    def __init__(self) -> None:
+    def __init__(self, gravity: tuple[float, float, float] = (0, 0, -9.81)) -> None:
         self.torque = ac.Input("N m")
-        self.world, self.along, self.up = World(gravity=(0, 0, -9.81)), Prismatic("x"), Prismatic("z")
+        self.world, self.along, self.up = World(gravity=gravity), Prismatic("x"), Prismatic("z")
         self.trunk = RigidBody.box(10.0, (0.1, 0.2, 0.1))
         self.lean, self.hip, self.motor = Revolute("y"), Revolute("y"), TorqueSource(self.torque)
         self.left, self.right = Leg(), Leg()
@@ -61,13 +61,11 @@ class Leg(ac.System):
         return self.foot.point.position
 
 
-def main(folder: str = "out") -> float:
-    """Find a step of least effort; returns by how much it is off when it is simulated, relative to what each state varies by."""
-    walker = Walker()
+def steps(walker: Walker, time: float, far: float) -> ac.Phases:
+    """Of least effort, one like the other: each takes a `time` [s] and leads so `far` [m]."""
     model = ac.build(walker)
-    print(model)
     left, right, lean, hip = walker.left, walker.right, walker.lean, walker.hip
-    step = ac.OptimalControl(model, 0.55, modes={left.ground: "sticks"})
+    step = ac.OptimalControl(model, time, modes={left.ground: "sticks"})
     anything: dict[Any, Any] = {one.v: ac.free(-5, 5) for one in (walker.along, walker.up, lean, hip, left.slide, right.slide)}
     places = {
         walker.along.q: ac.free(-1, 1, -0.2),
@@ -78,7 +76,7 @@ def main(folder: str = "out") -> float:
     lengths = {one.slide.q: ac.free(0.75, 1.0, 0.95) for one in (left, right)}
     step.start({left.place[0]: 0.0, **places, **lengths, **anything, walker.along.v: ac.free(0, 3, 0.8)})
     step.at(0.5, {right.place[2]: (0.03, 0.3)})
-    step.end({right.place[0]: 0.45, right.place[2]: 0.0})
+    step.end({right.place[0]: far, right.place[2]: 0.0})
     for leg in (left, right):
         step.bound(leg.slide.q, 0.75, 1.0)
         step.bound(leg.slide.v, -2, 2)
@@ -91,7 +89,12 @@ def main(folder: str = "out") -> float:
         left.slide.v: right.slide.v, right.slide.v: left.slide.v, walker.up.q: walker.up.q, walker.up.v: walker.up.v, walker.along.v: walker.along.v,
     }  # fmt: skip
     gait.link(step, step, swapped, impact={right.ground: "sticks"})
-    best = gait.solve(16, tolerance=1e-9)
+    return gait
+
+
+def main(folder: str = "out") -> float:
+    """Find a step of least effort; returns by how much it is off when it is simulated, relative to what each state varies by."""
+    best = steps(Walker(), 0.55, 0.45).solve(16, tolerance=1e-9)
     print(best)
     print(best.run.transitions)
     best.run.picture(f"{folder}/compass_gait.png", times=[part * best.duration for part in (0.0, 0.33, 0.67, 1.0)])
