@@ -747,6 +747,44 @@ def cart_pole_by_hand(intervals: int, best: Any) -> float:
     return float(opti.solve().value(opti.f))
 
 
+def shot(model: ac.Model, begin: Any, end: dict[int, float], time: float, best: Any) -> float:
+    """The least integral of the square of one force, held in each interval, by multiple shooting with `model.step` in Opti, from a motion that was found. `end`: by numbers of states."""
+    n, step = best.mesh.intervals, model.step("radau", 5, time / best.mesh.intervals)
+    opti = ca.Opti()
+    X, U = opti.variable(len(best.x), n + 1), opti.variable(1, n)
+    for k in range(n):
+        opti.subject_to(X[:, k + 1] == step(0, X[:, k], U[k], model.functions.space.p_values)[0])
+    opti.subject_to(X[:, 0] == ca.DM(begin))
+    opti.subject_to(X[list(end), n] == ca.DM(list(end.values())))
+    opti.subject_to(opti.bounded(-20, U, 20))
+    opti.minimize(ca.sumsqr(U) * time / n)
+    opti.set_initial(X, best.x + 1e-3 * np.random.default_rng(0).normal(size=best.x.shape))
+    (force,) = best.inputs.values()
+    opti.set_initial(U, force((np.arange(n) + 0.5) * time / n))
+    opti.solver("ipopt", {"print_time": False}, {"print_level": 0, "sb": "yes", "tol": 1e-11, "bound_relax_factor": 0.0})
+    return float(opti.solve().value(opti.f))
+
+
+@pytest.mark.parametrize(("intervals", "far", "time"), [(4, 0.02, 0.1), (9, 3.0, 1.3)])
+def test_shooting_by_steps_is_collocation_with_its_points_inside(intervals: int, far: float, time: float) -> None:
+    """Held forces from rest to rest: 12 m^2 d^2 / (T^3 (1 - 1 / n^2))."""
+    scene = Sledge()
+    model = ac.build(scene)
+    ocp = rest_to_rest(model, scene, time, far)
+    ocp.minimise(ac.integral(scene.force**2))
+    best = ocp.solve(intervals, controls="constant", refinements=0)
+    least = 12 * far**2 / time**3 / (1 - intervals**-2)
+    assert best.cost == pytest.approx(least, rel=1e-9)
+    assert shot(model, [0, 0], {0: far, 1: 0}, time, best) == pytest.approx(least, rel=1e-9)
+
+
+def test_shooting_by_steps_swings_a_cart_pole_up_as_collocation_does() -> None:
+    """The same optimum, to what the solvers leave."""
+    ocp = cart_pole()
+    best = ocp.solve(25, controls="constant", refinements=0, guesses=0)
+    assert shot(ocp.model, np.zeros(4), dict(enumerate([0, np.pi, 0, 0])), 2.0, best) == pytest.approx(best.cost, rel=1e-11)
+
+
 def test_what_was_found_is_read_by_its_polynomials() -> None:
     """States to the power of the points, others to one less, in intervals that differ."""
     mesh = Mesher(3, 5, "free", "ipopt").mesh([0.4])
