@@ -561,6 +561,20 @@ class Launch(ac.System):
         self.rocket = Rocket(self.thrust)
 
 
+@pytest.mark.parametrize(("size", "far", "up"), [(1.0, 8.0, 0.0), (1e-3, 3.0, 2.0), (1e3, 5.0, -4.0)])
+def test_a_ball_is_thrown_as_slowly_as_can_be(size: float, far: float, up: float) -> None:
+    """v^2 = g (h + sqrt(h^2 + d^2)) (Torricelli); all entries of its first velocity are free at once, and nothing drives it."""
+    scene: Any = ac.System()
+    scene.world, scene.ball = World((0, 0, -9.81)), Particle(0.4)
+    place, speed, far, up = scene.ball.point.position, scene.ball.point.velocity, far * size, up * size
+    least, fast = 9.81 * (up + np.hypot(far, up)), (9.81 * size) ** 0.5
+    ocp = ac.OptimalControl(ac.build(scene), ac.free(0.1 * (size / 9.81) ** 0.5, 20 * (size / 9.81) ** 0.5))
+    ocp.start({place: (0, 0, 0), speed: ac.free(-9 * fast, 9 * fast)})
+    ocp.end({place: (0.6 * far, 0.8 * far, up)})
+    ocp.minimise(ac.at_start(speed[0] ** 2 + speed[1] ** 2 + speed[2] ** 2))
+    assert ocp.solve(4).cost == pytest.approx(least, rel=1e-9)
+
+
 def test_a_rocket_climbs_along_a_singular_arc() -> None:
     """Goddard's: full thrust, then so much that drag (1 + speed / exhaust speed) = weight, then none. Bryson and Ho (1975), section 8.4."""
     scene = Launch()

@@ -287,7 +287,8 @@ class OptimalControl:
                 "Optimal control of scenes with integrated velocity constraints (a wheel rolling along a line whose place is open) is not supported."
             )
         usual = {} if self._start is not None else near_start or {}
-        starts = {**usual, **(self._start or {}), **{k: near(v.guess) for k, v in self._opened.items()}}
+        opened = {k: near(np.full(f.outputs.resolve(k).numel(), v.guess)) for k, v in self._opened.items()}
+        starts = {**usual, **(self._start or {}), **opened}
         begin = model.initial_state(starts, inputs=self._inputs, **self._given)
         stage = Stage(self._mode, self._t0, begin.p[: f.outputs.system.p_values.size], tuple(self._geometry))
         here = [(at, self._limits(stage, key, value)) for at, values in self._here for key, value in values.items()]
