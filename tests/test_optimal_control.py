@@ -1242,7 +1242,10 @@ def test_a_periodic_motion_ends_as_it_began() -> None:
         (lambda s, m: ac.OptimalControl(m, ac.free(2, 1)), "lower bound must be below"),
         (lambda s, m: ac.OptimalControl(m, 1.0).bound(s.force, 3, -3), "which cross"),
         (lambda s, m: ac.OptimalControl(m, 1.0).bound(s.body.point.position, (0, 0, 0), (1, 1)), "position: .* does not fit"),
-        (lambda s, m: ac.OptimalControl(m, 1.0).minimise(s.force**2), "ac.integral"),
+        (
+            lambda s, m: ac.OptimalControl(m, 1.0).minimise(s.force**2),
+            r"minimise: .*force.* says not when it counts. Write ac.integral\(.*force",
+        ),
         (lambda s, m: ac.OptimalControl(m, ac.free(cast(Any, "a"), 1)), "give numbers, ac.free"),
         (lambda s, m: ac.integral(cast(Any, "force")), r"integral: 'force' is no expression\. Write it .* ac\.integral\(scene"),
         (lambda s, m: ac.at_end(cast(Any, None)), "at_end: None is no expression"),

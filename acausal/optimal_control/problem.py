@@ -184,8 +184,9 @@ class OptimalControl:
     def minimise(self, cost: Cost) -> None:
         """What is to be least: a sum of `ac.integral`, `ac.average`, `ac.at_start`, `ac.at_end` and `duration`."""
         if not isinstance(cost, Cost):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything
+            name = self.name(cost)
             raise OptionError(
-                f"minimise: {cost!r} says not when it counts. Write ac.integral({cost!r}), ac.at_end({cost!r}), or ocp.duration."
+                f"minimise: {name} says not when it counts. Write ac.integral({name}), ac.at_end({name}), or ocp.duration."
             )
         self._cost = cost
 
