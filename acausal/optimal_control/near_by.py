@@ -5,6 +5,9 @@ Hintermueller, Ito and Kunisch: The primal-dual active set strategy as a semismo
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
@@ -29,16 +32,15 @@ class NearBy:
     """
 
     def __init__(self, program: Program) -> None:
-        self._program = program
-        self._matrix, function = _step(program)
+        self._program, n, m = program, program.size, program.rows
+        here, self._matrix, step = _functions(program)
         self._pivots = ca.Linsol("kkt", "ldl", self._matrix.sparsity_out(0))
-        self._given = [np.zeros(function.size1_in(k)) for k in range(function.n_in())]
-        self._told = [np.zeros(function.size1_out(k)) for k in range(function.n_out())]
-        buffer, self._run = self._buffer = function.buffer()
-        for k, given in enumerate(self._given):
-            buffer.set_arg(k, memoryview(given))  # pyright: ignore[reportArgumentType]  # arrays are buffers
-        for k, told in enumerate(self._told):
-            buffer.set_res(k, memoryview(told))  # pyright: ignore[reportArgumentType]
+        self._at = [np.zeros(n), np.zeros(m)]
+        self._local = [np.zeros(here.nnz_out(k)) for k in range(here.n_out())]
+        self._held = [np.zeros(size) for size in (n, m, n, m)]
+        self._after = [np.zeros(n + m), np.zeros(n + m)]
+        self._look = _bound(here, self._at, self._local)
+        self._go = _bound(step, [*self._local, *self._held, *self._at], self._after)
 
     def __call__(self, w: np.ndarray, of_bounds: np.ndarray, of_rows: np.ndarray, bounds: np.ndarray) -> Solved | None:
         n, (lower, upper) = self._program.size, np.hstack([bounds, self._program.limits])
@@ -48,17 +50,22 @@ class NearBy:
             wall = np.where(held > 0, upper, lower)
             free = (~equal & (held == 0)) | ~np.isfinite(wall)
             wall[free] = 0.0
-            for to, column in zip(self._given, (w, of_rows, free[:n], free[n:], wall[:n], wall[n:]), strict=True):
+            self._at[0][:], self._at[1][:] = w, of_rows
+            for to, column in zip(self._held, (free[:n], free[n:], wall[:n], wall[n:]), strict=True):
                 to[:] = column
-            self._run()
-            slope, g, ahead, pull = (np.array(one) for one in self._told)
-            if not np.isfinite(ahead).all():
+            self._look()
+            slope, rows = self._local[:2]
+            here, pressed = np.append(w, rows), np.append(-slope, of_rows)
+            if not (np.isfinite(slope).all() and np.isfinite(rows).all()):
                 return None
-            here, pressed = np.append(w, g), np.append(-slope, of_rows)
             off = np.where(free, np.maximum(lower - here, here - upper), np.abs(here - wall))
             left = max(np.max(off), np.max(np.abs(slope[free[:n]]), initial=0.0), np.sum(np.abs(pressed[~free] * off[~free])))
             if left < _TOLERANCE and (free | equal | (pressed * held >= 0)).all():
                 return (np.clip(w, *bounds), pressed[:n], of_rows, count) if self._is_least() else None
+            self._go()
+            ahead, pull = (one.copy() for one in self._after)
+            if not np.isfinite(ahead).all():
+                return None
             w, of_rows = ahead[:n], pull[n:]
             held = np.where(
                 free, np.where(ahead > upper, 1.0, np.where(ahead < lower, -1.0, 0.0)), np.where(pull * held > 0, held, 0.0)
@@ -67,35 +74,52 @@ class NearBy:
 
     def _is_least(self) -> bool:
         """By the inertia of the matrix (Nocedal and Wright, theorem 16.3)."""
-        matrix = self._matrix(*self._given[:4])
+        matrix = self._matrix(*self._local[2:], *self._held[:2])
         self._pivots.nfact(matrix)
         return self._pivots.neig(matrix) == self._program.rows
 
 
-def _step(program: Program) -> tuple[ca.Function, ca.Function]:
-    """(w, multipliers of the rows, which unknowns are free, which rows are) -> the matrix of a step. And these, with where the others are to be, unknowns and rows -> slope of the
-    Lagrangian, rows; after the step, to first order, unknowns and rows, and multipliers of bounds and rows.
+def _bound(function: ca.Function, given: Sequence[np.ndarray], told: Sequence[np.ndarray]) -> Callable[[], None]:
+    """A call that reads from and writes to these arrays, which live as long as it does."""
+    buffer: Any
+    buffer, run = function.buffer()
+    for k, column in enumerate(given):
+        buffer.set_arg(k, memoryview(column))
+    for k, column in enumerate(told):
+        buffer.set_res(k, memoryview(column))
+    kept = buffer, given, told
+    return lambda: kept and run()
+
+
+def _functions(program: Program) -> tuple[ca.Function, ca.Function, ca.Function]:
+    """(w, multipliers of the rows) -> slope of the Lagrangian, rows, entries of their Jacobian and of the curvature; (these entries, which unknowns are free, which rows are) -> the matrix of a
+    step; (all of these, where the others are to be: unknowns, rows, w, multipliers) -> after the step, to first order, unknowns and rows, and multipliers of bounds and rows.
     """
-    n, m = program.size, program.rows
+    n, m, none, options = program.size, program.rows, ca.DM(0, 1), {"cse": True}
     w, factors, free, loose, wall, limit = (ca.MX.sym("given", size) for size in (n, m, n, m, n, m))
-    none = ca.DM(0, 1)
     rows, J = program.derivatives["jac_g"](w, none)
+    triangle = program.derivatives["hess_lag"](w, none, 1.0, factors)
     slope = program.derivatives["grad_f"](w, none)[1] + J.T @ factors
-    H = ca.triu2symm(program.derivatives["hess_lag"](w, none, 1.0, factors))
-    own, bound = ca.diag(free), ca.diag(1 - loose)
+    entries = [ca.vec(ca.MX(part.nz[:])) for part in (J, triangle)]
+    here = ca.Function("here", [w, factors], [slope, rows, *entries], options)
+    at, gap, *told = (ca.MX.sym("told", size) for size in (n, m, *(one.numel() for one in entries)))
+    J, triangle = (ca.MX(part.sparsity(), one) for part, one in zip((J, triangle), told, strict=True))
+    H, own, bound = ca.triu2symm(triangle), ca.diag(free), ca.diag(1 - loose)
     A = bound @ J @ own
     matrix = ca.blockcat([
         [own @ H @ own + ca.diag(1 - free + _STIFF), A.T],
         [A, -ca.diag(loose + _SOFT)],
     ])  # fmt: skip
     known = (1 - free) * (wall - w)
-    right = ca.vertcat(known - free * (slope + H @ known), (1 - loose) * (limit - rows - J @ known) + loose * factors)
+    right = ca.vertcat(known - free * (at + H @ known), (1 - loose) * (limit - gap - J @ known) + loose * factors)
     step = ca.solve(matrix, right, "ldl")
     soft = ca.DM(np.repeat([_STIFF, -_SOFT], [n, m]))
     step += ca.solve(matrix, right - matrix @ step + soft * step, "ldl")
-    more = H @ step[:n] + J.T @ step[n:]
-    ahead = ca.vertcat(w + step[:n], rows + J @ step[:n])
-    pull = ca.vertcat(-(slope + more), factors + step[n:])
-    given = [w, factors, free, loose, wall, limit]
-    options = {"cse": True}
-    return ca.Function("matrix", given[:4], [matrix], options), ca.Function("step", given, [slope, rows, ahead, pull], options)
+    ahead = ca.vertcat(w + step[:n], gap + J @ step[:n])
+    pull = ca.vertcat(-(at + H @ step[:n] + J.T @ step[n:]), factors + step[n:])
+    given = [at, gap, *told, free, loose, wall, limit, w, factors]
+    return (
+        here,
+        ca.Function("matrix", [*told, free, loose], [matrix], options),
+        ca.Function("step", given, [ahead, pull], options),
+    )
