@@ -39,7 +39,8 @@ class NearBy:
         self._local = [np.zeros(here.nnz_out(k)) for k in range(here.n_out())]
         self._held = [np.zeros(size) for size in (n, m, n, m)]
         self._after = [np.zeros(n + m), np.zeros(n + m)]
-        self._look = _bound(here, self._at, self._local)
+        self.look = _bound(here, self._at, self._local)
+        """Evaluates all derivatives where it came last."""
         self._go = _bound(step, [*self._local, *self._held, *self._at], self._after)
 
     def __call__(self, w: np.ndarray, of_bounds: np.ndarray, of_rows: np.ndarray, bounds: np.ndarray) -> Solved | None:
@@ -53,7 +54,7 @@ class NearBy:
             self._at[0][:], self._at[1][:] = w, of_rows
             for to, column in zip(self._held, (free[:n], free[n:], wall[:n], wall[n:]), strict=True):
                 to[:] = column
-            self._look()
+            self.look()
             slope, rows = self._local[:2]
             here, pressed = np.append(w, rows), np.append(-slope, of_rows)
             if not (np.isfinite(slope).all() and np.isfinite(rows).all()):
@@ -84,11 +85,16 @@ def _bound(function: ca.Function, given: Sequence[np.ndarray], told: Sequence[np
     buffer: Any
     buffer, run = function.buffer()
     for k, column in enumerate(given):
-        buffer.set_arg(k, memoryview(column))
+        buffer.set_arg(k, column.data)
     for k, column in enumerate(told):
-        buffer.set_res(k, memoryview(column))
+        buffer.set_res(k, column.data)
     kept = buffer, given, told
-    return lambda: kept and run()
+
+    def call() -> None:
+        if kept:
+            run()
+
+    return call
 
 
 def _functions(program: Program) -> tuple[ca.Function, ca.Function, ca.Function]:
