@@ -25,6 +25,7 @@ from components import (
     PointOnPlane,
     Prismatic,
     RigidBody,
+    Rope,
     RoughContact,
     Sphere,
     Spring,
@@ -496,3 +497,48 @@ def test_a_car_with_its_lower_wheels_locked_stands_or_slides_by_what_these_bear(
     else:
         assert np.abs(run[f.velocity]).max() < 1e-12
     assert (pull > 0) == (angle > 0.3)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize(("pace", "slack", "away"), [(1.5, 0.3, 30.0), (0.2, 0.05, 0.0), (0.11, 1.0, 0.0)])
+def test_a_stone_on_the_ground_is_lifted_by_its_sling_and_falls_back_again_and_again(
+    size: float, pace: float, slack: float, away: float
+) -> None:
+    # where the rope tightens, and where its swing ends on the ground, it keeps the part of its speed along the swing, then along the ground
+    height, length, speed, g = 2.0 * size, 2.5 * size, pace * np.sqrt(size), G
+    reach = np.sqrt(length**2 - height**2)
+    scene = ac.System()
+    scene.world, scene.stone, scene.sling, scene.floor = World(), Particle(5.0), Rope(length), PointOnPlane(unilateral=True)
+    scene.connect(scene.world.at((away * size, 0, height)), scene.sling.frame_a)
+    scene.connect(scene.sling.frame_b, scene.stone.point, scene.floor.frame_b)
+    scene.connect(scene.world.frame, scene.floor.frame_a)
+
+    def aloft(v: float) -> float:
+        def top(t: float, y: np.ndarray) -> float:
+            return float(y[1])
+
+        top.terminal = True  # pyright: ignore[reportFunctionMemberAccess]
+        start = [np.arcsin(reach / length), v * height / length**2]
+        up = solve_ivp(
+            lambda t, y: [y[1], -g / length * np.sin(y[0])],
+            (0, 9 * np.sqrt(size)),
+            start,
+            "DOP853",
+            events=top,
+            rtol=1e-13,
+            atol=1e-16,
+        )
+        return 2 * up.t_events[0][0]
+
+    times, kept = [slack * size / speed], (height / length) ** 2
+    for k in range(3):
+        flight = aloft(speed * kept**k)
+        times += [times[-1] + flight, times[-1] + flight + 2 * reach / (speed * kept ** (k + 1))]
+    place, motion = scene.stone.point.position, scene.stone.point.velocity
+    run = ac.build(scene).simulate(
+        times[-1] + 0.5 * aloft(speed * kept**3),
+        {place: (reach + (away - slack) * size, 0, 0), motion: (speed, 0, 0)},
+        rtol=1e-12,
+    )
+    assert [change.time for change in run.transitions] == pytest.approx(times, rel=1e-10)
+    assert run.transitions[-1].after[motion][0] == pytest.approx(-speed * kept**4, rel=1e-9)

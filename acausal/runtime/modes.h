@@ -358,7 +358,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
             I->worst = i;
             return OVERLAPS;
         }
-        double known = D.gap_noise[i] + (T->side[i] == 1 ? D.rate_noise[i] * T->pace : 0); /* what is held moves by the rounding of all that holds it */
+        double known = D.gap_noise[i] + D.rate_noise[i] * T->pace; /* a gap moves by the rounding of all that holds it, or what it belongs to */
         if (!T->just_set && D.gap[i] < -deepest(I, known, fmax(D.gap_noise[i] / (TOUCHES * EPS), T->gap_terms[i]))) return falls(I, i, -D.gap[i]); /* what has been set moves gaps by the rounding of others */
         int strikes = R.touching[i] && D.rate[i] < -(i == row ? 4 : 1) * D.rate_noise[i];
         T->struck[T->impacts % REMEMBERED * gaps + i] = strikes != 0;
