@@ -56,7 +56,7 @@ def sizes_at(s: ReducedSystem, x_dot: Differentiable, at: OperatingPoint) -> Siz
         terms = _finite(x_dot.terms(at))
         f[last:] = np.where(f < _ROUNDED * terms, terms, f)[last:]
     size = np.zeros(at.x.size)
-    size[:nq] = _coordinates(s, at, rates, slopes)
+    size[:nq] = _coordinates(s, x_dot, at, rates, slopes)
     push = f[nq:last] + J[nq:last, :nq] @ size[:nq]
     # how fast a velocity must be to move some coordinate by its size in a time of 1
     far = _known(np.min(_over(size[:nq, None], J[:nq, nq:last], np.inf), axis=0, initial=np.inf))
@@ -95,7 +95,7 @@ def before_and_after(x_dot: Differentiable, at: OperatingPoint, sizes: Sizes) ->
     return pace, [replace(at, t=at.t + step, x=at.x + step * rate + step**2 / 2 * second) for step in (h, -h)]
 
 
-def _coordinates(s: ReducedSystem, at: OperatingPoint, f: np.ndarray, J: np.ndarray) -> np.ndarray:
+def _coordinates(s: ReducedSystem, x_dot: Differentiable, at: OperatingPoint, f: np.ndarray, J: np.ndarray) -> np.ndarray:
     """1 for angles; lengths by the reach, or where there is none by how far the forces push against stiffness."""
     nq, last = s.nq, s.nq + s.tree_velocities
     if not nq:
@@ -104,7 +104,8 @@ def _coordinates(s: ReducedSystem, at: OperatingPoint, f: np.ndarray, J: np.ndar
     found = coordinates(s.mechanics, s.p, at.p, q, s.scalar.position)
     length, size, turning = reach(s.mechanics, s.p, at.p, q, found.all), np.ones(nq), turning_states(s)[0]
     if not 0 < length < np.inf:
-        length = _yielded(f[nq:last], J[nq:last, :nq][:, ~turning])
+        push, terms = f[nq:last], x_dot.terms(at)[nq:last]  # what balances is there, though nothing is left of it
+        length = _yielded(np.where(np.abs(push) < _ROUNDED * terms, terms, push), J[nq:last, :nq][:, ~turning])
     else:
         size[: q.size] /= slopes_of_places(s.mechanics.tree, s.p, q, at.p, at.t)
     return np.where(turning, 1.0, size * (length if 0 < length < np.inf else 1.0))
