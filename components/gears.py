@@ -49,9 +49,10 @@ class RackAndPinion(Component):
 class PlanetaryGear(Component):
     """Sun, ring and carrier on one axis: phi_sun + ratio phi_ring = (1 + ratio) phi_carrier; planets without mass. Two freedoms.
 
-    `ratio` > 0: teeth of the ring per tooth of the sun. tau_ring = ratio tau_sun, tau_carrier = -(1 + ratio) tau_sun, so that torques and
-    powers sum to zero. With the ratio 1 it is a differential: its cage the carrier, sun and ring its two shafts. R. Willis, Principles of
-    Mechanism (1841), the formula of epicyclic trains.
+    `ratio`, not zero: teeth of the ring per tooth of the sun; negative where planets mesh in pairs, so that sun and ring turn alike against the
+    carrier (a Ravigneaux set is two of these that share ring and carrier, one of them with pairs). tau_ring = ratio tau_sun, tau_carrier =
+    -(1 + ratio) tau_sun, so that torques and powers sum to zero. With the ratio 1 it is a differential: its cage the carrier, sun and ring its
+    two shafts. R. Willis, Principles of Mechanism (1841), the formula of epicyclic trains.
 
         scene.gear = PlanetaryGear(ratio=100 / 50)
     """
@@ -61,7 +62,7 @@ class PlanetaryGear(Component):
     ring = Rotational.port(must_connect=True, if_unconnected=_HELD)
 
     def __init__(self, ratio: Scalar) -> None:
-        self.ratio = scalar(ratio, "PlanetaryGear's ratio", positive=True, unit="1")
+        self.ratio = not_zero(scalar(ratio, "PlanetaryGear's ratio", unit="1"), "PlanetaryGear's ratio")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.sun.phi + self.ratio * self.ring.phi, (1.0 + self.ratio) * self.carrier.phi)

@@ -248,9 +248,10 @@ def test_start_values_against_the_gear_are_named():
         model.simulate(1.0, {scene.hinge.q: 0.0, scene.rail.v: 1.0, scene.hinge.v: 0.0})
 
 
-def test_planetary_gear_shares_its_freedoms():
+@pytest.mark.parametrize("ratio", [2.0, -2.6, -1.0])
+def test_planetary_gear_shares_its_freedoms(ratio):
     """Three inertias, a torque on the sun: two freedoms, by the equations of Willis and the lever of the carrier."""
-    ratio, J = 2.0, np.array([0.1, 0.4, 0.3])  # sun, carrier, ring
+    J = np.array([0.1, 0.4, 0.3])  # sun, carrier, ring
     scene = ac.System()
     scene.gear, scene.motor = PlanetaryGear(ratio), TorqueSource(0.7)
     scene.inertias = [Inertia(j) for j in J]
@@ -306,7 +307,7 @@ def test_rotors_on_an_elastic_gear_swing_at_their_frequency():
 @pytest.mark.parametrize(("make", "said"), [
     (lambda: RackAndPinion(0.0), "radius is 0"),
     (lambda: Gear(0.0), "ratio is 0"), (lambda: RackAndPinion(float("nan")), "finite"), (lambda: RackAndPinion((1, 2)), "number|scalar"),
-    (lambda: PlanetaryGear(-2.0), "positive"), (lambda: PlanetaryGear("big"), "number"),
+    (lambda: PlanetaryGear(0.0), "ratio is 0"), (lambda: PlanetaryGear("big"), "number"),
 ])  # fmt: skip
 def test_nonsense_is_refused(make, said):
     with pytest.raises(ParameterError, match=said):

@@ -61,7 +61,9 @@ def _freedoms(model: Functions) -> list[str]:
     holonomic = sum(name not in rolling for name in system.constraints.kept)
     configuration -= system.scalar.positions + system.holding.positions
     if configuration - holonomic != model.outputs.system.degrees_of_freedom:
-        rows.append(f"  In configuration there are {configuration - holonomic}: rolling limits velocities, not positions.")
+        rows.append(
+            f"  In configuration there are {configuration - holonomic}: what rolls, a blade or a given speed limits velocities, not positions."
+        )
     return rows + grouped(
         [
             (e.name, f"{type(e.joint).__name__:<20} {e.joint.v.size} in velocity, {e.joint.q.size} coordinates")

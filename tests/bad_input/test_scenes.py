@@ -233,7 +233,7 @@ CASES = [
     Wrong("gear ratio of zero", lambda: Gear(0), errors.ParameterError, ("Gear's ratio is 0", HERE, "not zero")),
     Wrong("gear ratio of zero, adjustable", lambda: Gear(ac.Parameter(0.0)), errors.ParameterError, ("Gear's ratio is 0", HERE)),
     Wrong("gear ratio as text", lambda: PlanetaryGear("2:1"), errors.ParameterError, ("'2:1'", "number")),
-    Wrong("negative planetary ratio", lambda: PlanetaryGear(-2), errors.ParameterError, ("-2", "positive")),
+    Wrong("planetary ratio of zero", lambda: PlanetaryGear(0), errors.ParameterError, ("PlanetaryGear's ratio is 0",)),
     Wrong("two different racks between the same joints", lambda: ac.build(steering(RackAndPinion(0.1), RackAndPinion(0.2))), errors.LockedError, ("2 freedoms", "racks[0].rack and racks[1].rack'. Remove",)),
     Wrong("two gears of different ratios between the same shafts", lambda: ac.build(shafts_with_two_ratios()), errors.LockedError, ("rotors[0...1].phi", "different ratios", "Remove one")),
     Wrong("rack connected at one end", rack_left_open, errors.UnconnectedError, ("rack.rack", HERE, "Connect all")),
