@@ -76,8 +76,8 @@ class Pulley:
         return sx(self.radius) * ca.cross(u, ca.SX(ca.DM(self.axis)))
 
     def shapes(self) -> tuple[Any, ...]:
-        """A ring, where there is no wheel and the radius is a number."""
-        known = self.wheel is None and not isinstance(self.radius, Expression)
+        """A ring, where no wheel has shapes of its own and the radius is a number."""
+        known = (self.wheel is None or not self.wheel.shapes()) and not isinstance(self.radius, Expression)
         return (Torus(float(self.radius), _RING * float(self.radius), _vector(self.axis)),) if known else ()
 
     @property

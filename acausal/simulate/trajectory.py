@@ -387,7 +387,7 @@ class Trajectory:
     def animate(self, path: str | Path, *, speed: float | None = None) -> Path:
         """Write the motion as one self-contained HTML file; returns its path.
 
-        `speed`: shown against real time; by default 1, slower for motions of less than two seconds.
+        `speed`: shown against real time; by default 1, slower for motions of less than two seconds, faster for those of more than a minute.
         """
         from acausal.visual.animation import write_html
         from acausal.visual.scene import animation_of

@@ -10,10 +10,9 @@ import numpy as np
 from acausal.arguments import path_of
 from acausal.errors import OptionError
 from acausal.visual.geometry import rotated, support_points, turned_back
-from acausal.visual.shapes import Arrow, Plane, Polygon, Rod, Shape, Vector, Wire
+from acausal.visual.shapes import PLANE_COLOUR, Arrow, Plane, Polygon, Rod, Shape, Vector, Wire
 
 PALETTE = ("#4C78A8", "#F58518", "#54A24B", "#E45756", "#72B7B2", "#B279A2", "#EECA3B", "#9D755D", "#5F9ED1", "#FF9DA6")
-PLANE_COLOUR = "#9fb0c1"
 LINK_KINDS = ("spring", "damper", "force", "string", "cone")
 
 

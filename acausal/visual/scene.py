@@ -19,11 +19,12 @@ from acausal.parts.force import AbstractLineForce
 from acausal.parts.joint import AbstractJoint, AbstractStepJoint
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.rigid import AbstractGround, AbstractRigidPart
+from acausal.parts.seen import AbstractSeenAlong
 from acausal.parts.span import AbstractSpan
 from acausal.parts.steps import Ball, Shift, Slide
 from acausal.visual.animation import Animation, JointMarker, MovingBody, MovingLink, Trail, rotated
-from acausal.visual.geometry import outside, vector_of
-from acausal.visual.shapes import Polygon, Rod, Shape, Wire
+from acausal.visual.geometry import outside, support_points, vector_of
+from acausal.visual.shapes import PointMass, Polygon, Rod, Shape, Wire
 from acausal.wording import compact
 
 _MOST_FRAMES = 3000
@@ -56,11 +57,12 @@ class Motion(Protocol):
 def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     """Bodies by their shapes, joints, line forces and the longest trails of a motion.
 
-    `speed`: shown against real time; by default 1, slower for motions of less than two seconds. 60 frames a shown second.
+    `speed`: shown against real time; by default 1, slower for motions of less than two seconds, faster for those of more than a minute. 60 frames a
+    shown second.
     """
     begin, end = float(run.t[0]), float(run.t[-1])
     span = end - begin
-    pace = 1.0 if span >= 2 else (span or 1.0) / 8
+    pace = max(1.0, span / 60) if span >= 2 else (span or 1.0) / 8
     if speed is not None and not (pace := finite(speed, "animate: the speed")) > 0:
         raise OptionError(f"animate: the speed is {speed!r}. Give a positive number; 1 is real time.")
     frames = int(np.clip(60 * span / pace, 2, _MOST_FRAMES))
@@ -85,8 +87,24 @@ def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     name = run.outputs.system.flat.name
     moved = [body.name for body in bodies if not any(isinstance(shape, Wire) for shape in body.shapes)]
     title = name if name != System.__name__ or not moved else compact(moved, 3)
-    shown = Animation(title, moving.t, bodies, links, _joints(moving), _trails(bodies), up, pace)  # pyright: ignore[reportArgumentType]
-    return replace(shown, links=(*links, *_pushes(moving, _ARROW * shown.size())))
+    drawn = (*bodies, *_moved_along(moving))
+    shown = Animation(title, moving.t, drawn, links, _joints(moving), _trails(bodies), up, pace)  # pyright: ignore[reportArgumentType]
+    return replace(shown, links=(*links, *_pushes(moving, _ARROW * shown.size())), bodies=_large_enough(shown))
+
+
+def _large_enough(shown: Animation) -> tuple[MovingBody, ...]:
+    """Bodies too small to be seen, as on orbits, are shown as points."""
+    least, ways = shown.thickness(), np.vstack([np.eye(3), -np.eye(3)])
+
+    def extent(body: MovingBody) -> float:
+        reach = [np.linalg.norm(support_points(shape, ways), axis=1) for shape in body.shapes]
+        return float(np.max(reach, initial=0.0))
+
+    small = [0 < extent(body) < least for body in shown.bodies]
+    return tuple(
+        replace(body, shapes=(*body.shapes, PointMass())) if is_small else body
+        for body, is_small in zip(shown.bodies, small, strict=True)
+    )
 
 
 def _poses(run: Motion, poses: list[Pose]) -> tuple[np.ndarray, np.ndarray]:
@@ -140,6 +158,37 @@ def _bodies(run: Motion) -> tuple[MovingBody, ...]:
     return tuple(MovingBody(n, s, p, _quaternions(R)) for n, s, p, R in zip(names, shapes, positions, rotations, strict=True))
 
 
+def _moved_along(run: Motion) -> tuple[MovingBody, ...]:
+    """What touches and guides, as far as the motion comes, where the bodies that it belongs to have no shapes of their own."""
+    mechanics = run.outputs.system.mechanics
+    shaped = {
+        link
+        for group, (link, _) in zip(mechanics.mechanism.groups, mechanics.tree.places, strict=True)
+        for part in group.parts
+        if isinstance(part.component, AbstractRigidPart)
+        and not isinstance(part.component, AbstractGround)
+        and part.component.shapes()
+    }
+    edges = [item.edge for item in mechanics.tree.joints]
+    parts = [(edge.name, edge.joint) for edge in (*edges, *mechanics.mechanism.cuts)]
+    parts += [(force.path, force.component) for force in mechanics.mechanism.forces]
+    names: list[str] = []
+    shapes: list[tuple[Shape, ...]] = []
+    poses: list[Pose] = []
+    for name, part in parts:
+        if not isinstance(part, AbstractSeenAlong):
+            continue
+        a, b = (mechanics.placement.pose(frame) for frame in (part.frame_a, part.frame_b))
+        places = run[symbolic(a.rotation).T @ (symbolic(b.position) - symbolic(a.position))]
+        for frame, pose, own in zip((part.frame_a, part.frame_b), (a, b), part.seen_along(places), strict=True):
+            if own and mechanics.placement.place(frame)[0] not in shaped:
+                names.append(name)
+                shapes.append(own)
+                poses.append(pose)
+    positions, rotations = _poses(run, poses)
+    return tuple(MovingBody(n, s, p, _quaternions(R)) for n, s, p, R in zip(names, shapes, positions, rotations, strict=True))
+
+
 def _massless_rods(run: Motion) -> tuple[MovingBody, ...]:
     """Constraints between two points, as bars from one to the other."""
     mechanics = run.outputs.system.mechanics
@@ -186,8 +235,12 @@ def _skeleton(part: AbstractRigidPart, outputs: Outputs) -> tuple[Shape, ...]:
     for p in points:
         if not any(np.allclose(p, u, rtol=EDGE, atol=EDGE * extent) for u in unique):
             unique.append((float(p[0]), float(p[1]), float(p[2])))
-    if len(unique) == 1 and any(unique[0]):
-        unique.insert(0, (0.0, 0.0, 0.0))
+    if len(unique) == 1:  # to where its mass is
+        inertia = part.inertia()
+        known = isinstance(inertia.mass, float) and inertia.mass > 0 and isinstance(inertia.moment, np.ndarray)
+        centre = np.asarray(inertia.moment, dtype=float) / float(inertia.mass) if known else np.zeros(3)
+        if not np.allclose(centre, unique[0], rtol=EDGE, atol=EDGE * extent):
+            unique.append(vector_of(centre))
     return (Polygon(tuple(unique)),) if unique else ()
 
 

@@ -8,6 +8,7 @@ from typing import ClassVar
 Vector = tuple[float, float, float]
 Matrix = tuple[Vector, Vector, Vector]
 
+PLANE_COLOUR = "#9fb0c1"
 IDENTITY: Matrix = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
@@ -13,14 +13,16 @@ from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, quaternion_rate, rotation_from_quaternion
+from acausal.parts.seen import AbstractSeenAlong
 from components.contacts.laws import Rolling
 from components.contacts.meeting import on_surface, solved
 from components.contacts.nearness import nearness, touched
+from components.geometry.net import net
 from components.geometry.surfaces import APEX, AbstractSurface, Sphere, checked_surface
 
 
 @final
-class RollingBallOnSurface(AbstractJoint, AbstractContact):
+class RollingBallOnSurface(AbstractJoint, AbstractContact, AbstractSeenAlong):
     """A ball of `radius` [m] > 0 with its centre at frame_b rolls without slipping on a `surface` fixed in frame_a, on the side of its normal.
 
     Three velocities and no multiplier. q: unit quaternion of R_ab (4, scalar first), then the surface's coordinates of the point that touches; v: angular
@@ -43,6 +45,9 @@ class RollingBallOnSurface(AbstractJoint, AbstractContact):
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
         return Pose(rotation_from_quaternion(q[:4]), self._centre(q[4:]))
+
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        return net(self.surface, places), net(Sphere(self.radius), np.zeros((1, 3)), None)
 
     def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
         turned = rotation_from_quaternion(q[:4]).T @ v

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, final
 
 import casadi as ca
+import numpy as np
 
 from acausal.arguments import shown
 from acausal.errors import ParameterError
@@ -15,16 +16,18 @@ from acausal.parts.bounded import AbstractBounded
 from acausal.parts.force import AbstractForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import Pose, symbolic
+from acausal.parts.seen import AbstractSeenAlong
 from components.contacts.laws import AbstractFriction, HuntCrossley
 from components.contacts.nearness import MANY, Nearness, nearness, single
 from components.contacts.touching import Touching
+from components.geometry.net import net
 from components.geometry.surfaces import AbstractSurface, checked_surface
 
 _LOOSE = "A contact is between two bodies: connect both of its frames."
 
 
 @final
-class ContactForce(AbstractForce, AbstractBounded):
+class ContactForce(AbstractForce, AbstractBounded, AbstractSeenAlong):
     """What the body with the outside `shape` at frame_b and the `surface` of frame_a exert on one another by a law of forces: a part of `Contact`.
 
     `law`: HuntCrossley(...) where they may part, Viscous(...) or Creep(...) where a `joint`, Touching, lets them slide. The joint between the same
@@ -52,6 +55,11 @@ class ContactForce(AbstractForce, AbstractBounded):
                 f"ContactForce's joint is {joint!r} ({origin()}). Give a Touching between the same frames, or none."
             )
         self.law, self.joint = law, joint
+
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        if self.joint is not None:
+            return (), ()  # which is seen itself
+        return net(self.surface, places), net(self.shape, np.zeros((1, 3)), None)
 
     def inside(self) -> Expression:
         return single(self.shape, self.surface, self.frame_a, self.frame_b)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from dataclasses import replace
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
@@ -21,10 +21,12 @@ from acausal.parts.contact import AbstractTouch, read
 from acausal.parts.force import AbstractReactiveForce, Action
 from acausal.parts.placement import Placement
 from acausal.parts.pose import Pose, pose_between, symbolic
+from acausal.parts.seen import AbstractSeenAlong
 from components.contacts.laws import Hard
 from components.contacts.nearness import MANY, Nearness, nearness, single
 from components.contacts.point_over import AbstractPointOver
 from components.contacts.touching import Touching
+from components.geometry.net import net
 from components.geometry.surfaces import AbstractSurface, checked_surface
 
 _LOOSE = "A contact is between two bodies: connect both of its frames."
@@ -116,7 +118,7 @@ class AbstractHardContact(AbstractReactiveForce, AbstractTouch, ABC):
 
 
 @final
-class HardContact(AbstractHardContact, AbstractBounded):
+class HardContact(AbstractHardContact, AbstractBounded, AbstractSeenAlong):
     """The body with the outside `shape` at frame_b and the `surface` of frame_a, which push and rub one another by a `law`, Hard(...): a part of `Contact`.
 
     The `joint` between the same frames, Touching, knows where they are nearest; without one there is a closed form for the pair.
@@ -136,6 +138,11 @@ class HardContact(AbstractHardContact, AbstractBounded):
             )
         self.joint = joint
         self._react(law)
+
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        if self.joint is not None:
+            return (), ()  # which is seen itself
+        return net(self.surface, places), net(self.shape, np.zeros((1, 3)), None)
 
     def ends(self) -> tuple[Frame, Frame]:
         return self.frame_a, self.frame_b
@@ -163,7 +170,7 @@ class HardContact(AbstractHardContact, AbstractBounded):
 
 
 @final
-class HardPoint(AbstractHardContact):
+class HardPoint(AbstractHardContact, AbstractSeenAlong):
     """The origin of frame_b and a `surface` or `curve` of frame_a, which it stays on one side of, by a `law`, Hard(...): a part of `OneSidedPoint`.
 
     `place`: a surface whose clearance is known in closed form, or the joint between the same frames that has the gap as a coordinate.
@@ -177,6 +184,9 @@ class HardPoint(AbstractHardContact):
     def __init__(self, place: AbstractSurface | AbstractPointOver, law: Hard) -> None:
         self.place = place if isinstance(place, AbstractPointOver) else checked_surface(place, "HardPoint")
         self._react(law, place.directions if isinstance(place, AbstractPointOver) else 2)
+
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        return (() if isinstance(self.place, AbstractPointOver) else net(self.place, places)), ()
 
     def ends(self) -> tuple[Frame, Point]:
         return self.frame_a, self.frame_b

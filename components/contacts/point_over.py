@@ -12,9 +12,11 @@ from acausal.language.expression import Expression, Variable, sx, time
 from acausal.parts.contact import read
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
+from acausal.parts.seen import AbstractSeenAlong
 from components.contacts.nearness import End, Nearness
 from components.geometry.curves import AbstractCurve, Prolonged, checked_curve, drawn
 from components.geometry.laws import at_time, changing
+from components.geometry.net import net
 from components.geometry.surfaces import APEX, AbstractSurface, Parallel, checked_surface
 from components.joints.spherical import Spherical
 from components.orientation import Axis, axis_vector
@@ -45,7 +47,7 @@ class AbstractPointOver(AbstractJoint, ABC):
 
 
 @final
-class PointOverSurface(AbstractPointOver):
+class PointOverSurface(AbstractPointOver, AbstractSeenAlong):
     """frame_b, a point, at the `gap` [m] over a `surface` of frame_a, on the side of its normal. Three freedoms: nothing is held. A body there turns
     freely; `socket`: the ball joint by which it does.
 
@@ -64,6 +66,9 @@ class PointOverSurface(AbstractPointOver):
         self.surface, self.socket = checked_surface(surface, "PointOverSurface"), Spherical()
         start = (*surface.start, 0.0)
         self._declare("q", "", len(start), start if any(start) else None)
+
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        return net(self.surface, places), ()
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
         place, over = self._parts(q)

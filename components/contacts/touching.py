@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
@@ -14,9 +14,11 @@ from acausal.parts.contact import AbstractContact, read
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, symbolic
+from acausal.parts.seen import AbstractSeenAlong
 from components.contacts.laws import AbstractTouchingLaw, Rolling, checked_touching
 from components.contacts.meeting import AbstractMeeting, MeetingByCoordinates, meeting
 from components.contacts.nearness import Nearness, nearness, touched
+from components.geometry.net import net
 from components.geometry.surfaces import APEX, AbstractSurface, Parallel, checked_surface
 
 _ANGLES = (0.0, np.pi / 2, np.pi / 4, 3 * np.pi / 4)
@@ -26,7 +28,7 @@ _ALIKE = 1e-6
 
 
 @final
-class Touching(AbstractJoint, AbstractContact):
+class Touching(AbstractJoint, AbstractContact, AbstractSeenAlong):
     """A body with the outside `shape`, fixed in frame_b, touches the `surface` fixed in frame_a in one point, on the side of its normal.
 
     `law`: Rolling() (three velocities), RollingWithoutPivoting() (two), Sliding() (five); no multiplier. Apart(): six, and the gap is a coordinate. A shape
@@ -61,6 +63,9 @@ class Touching(AbstractJoint, AbstractContact):
         own, place, both = self._parts(q)
         R = both.rotation(own, place)
         return Pose(R, both.surface.point(place) - R @ both.arm(own, place))
+
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        return net(self.surface, places), net(self.shape, np.zeros((1, 3)), None)
 
     def rates(self, q: ca.SX, v: ca.SX, t: ca.SX) -> ca.SX:
         own, place, both = self._parts(q)

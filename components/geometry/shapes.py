@@ -15,7 +15,7 @@ from acausal.language.origin import origin
 from acausal.parts.pose import quaternion_rate, rotation_from_quaternion
 from components.geometry.implicit import turned_to
 from components.geometry.laws import place
-from components.geometry.surfaces import LYING, AbstractSurface
+from components.geometry.surfaces import LYING, AbstractSurface, Chart, by_normals
 
 _NOTHING, _FLAT = 1e-9, 1e-3
 """Of the width: the radius of an edge; and 1 / that of a flat face."""
@@ -38,6 +38,10 @@ class AbstractShape(AbstractSurface, ABC):
     @abstractmethod
     def touching(self, n: ca.SX) -> ca.SX:
         """Its point (3, 1) [m] with the outward unit normal `n` (3, 1), with two derivatives in n."""
+
+    @final
+    def chart(self) -> Chart:
+        return by_normals(self.touching)
 
     @final
     def point(self, q: ca.SX) -> ca.SX:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, ClassVar, final
 
 import casadi as ca
@@ -22,6 +23,22 @@ LYING = 1e-6
 """Sine of the angle at which a ring lies flat: what is nearest then jumps from one side to the other, and steps that passed it would not see where."""
 APEX = "The surface has an apex there, or its coordinates a pole: no plane touches it, or they have no two directions."
 """Said where `AbstractSurface.regular` is zero."""
+
+
+@dataclass(frozen=True)
+class Chart:
+    """A surface, or most of it, by two coordinates: `point` (2, 1) -> place (3, 1) [m]; `limits` of each, infinite where it goes on; `inside` (2, 1) ->
+    not negative on the surface; `start`: coordinates where it is smooth.
+    """
+
+    point: Callable[[ca.SX], ca.SX]
+    limits: tuple[tuple[float, float], tuple[float, float]]
+    inside: Callable[[ca.SX], ca.SX]
+    start: tuple[float, ...]
+
+
+ENDLESS = (-np.inf, np.inf)
+TURN = (-np.pi, np.pi)
 
 
 class AbstractSurface(ABC):
@@ -47,6 +64,10 @@ class AbstractSurface(ABC):
     @abstractmethod
     def point(self, q: ca.SX) -> ca.SX:
         """Place (3, 1) [m] at the coordinates q, with two derivatives; its slopes are independent."""
+
+    def chart(self) -> Chart | None:
+        """By which it is drawn; None where there is none. Of two coordinates these, as if they did not end."""
+        return Chart(self.point, (ENDLESS, ENDLESS), self.inside, self.start) if len(self.start) == 2 else None
 
     def rates(self, q: ca.SX, v: ca.SX) -> ca.SX:
         """q' by two velocities v (2, 1): q' = v, but where a surface needs more coordinates than it has dimensions."""
@@ -125,6 +146,16 @@ class AbstractSurface(ABC):
         at, v = ca.SX.sym("q", q.numel()), ca.SX.sym("v", 2)
         change = ca.substitute(ca.jacobian(ca.jtimes(self.normal(at), at, self.rates(at, v)), v), at, q)
         return ca.solve(self.metric(q), self.slopes(q).T @ change)
+
+
+def by_normals(touching: Callable[[ca.SX], ca.SX]) -> Chart:
+    """Of what has one point for each outward normal: by longitude and latitude of that [rad]."""
+
+    def point(q: ca.SX) -> ca.SX:
+        c = ca.cos(q[1])
+        return touching(ca.vertcat(c * ca.cos(q[0]), c * ca.sin(q[0]), ca.sin(q[1])))
+
+    return Chart(point, (TURN, (-np.pi / 2, np.pi / 2)), lambda q: ca.SX(0, 1), (0.1, 0.1))
 
 
 def _across(n: ca.SX) -> ca.SX:
@@ -219,6 +250,10 @@ class Plate(AbstractSurface):
         half = ca.vertcat(sx(self.length), sx(self.width)) / 2
         return 1 - (q / half) ** 2
 
+    def chart(self) -> Chart:
+        sides = [(-size / 2, size / 2) if isinstance(size, float) else ENDLESS for size in (self.length, self.width)]
+        return Chart(self.point, (sides[0], sides[1]), self.inside, self.start)
+
     def regular(self, q: ca.SX) -> ca.SX:
         return ca.SX(0, 1)
 
@@ -254,6 +289,9 @@ class Sphere(AbstractSurface):
 
     def point(self, q: ca.SX) -> ca.SX:
         return sx(self.radius) * rotation_from_quaternion(q)[:, 2]
+
+    def chart(self) -> Chart:
+        return by_normals(lambda n: sx(self.radius) * n)
 
     def regular(self, q: ca.SX) -> ca.SX:
         return ca.SX(0, 1)
@@ -306,6 +344,9 @@ class Cylinder(AbstractSurface):
     def point(self, q: ca.SX) -> ca.SX:
         radius = sx(self.radius)
         return ca.vertcat(radius * ca.cos(q[0] / radius), radius * ca.sin(q[0] / radius), q[1])
+
+    def chart(self) -> Chart:
+        return Chart(lambda q: self.point(ca.vertcat(sx(self.radius) * q[0], q[1])), (TURN, ENDLESS), self.inside, self.start)
 
     def regular(self, q: ca.SX) -> ca.SX:
         return ca.SX(0, 1)
@@ -363,6 +404,9 @@ class Torus(AbstractSurface):
         reach = sx(self.radius) + sx(self.tube) * ca.cos(q[1])
         return ca.vertcat(reach * ca.cos(q[0]), reach * ca.sin(q[0]), sx(self.tube) * ca.sin(q[1]))
 
+    def chart(self) -> Chart:
+        return Chart(self.point, (TURN, TURN), self.inside, self.start)
+
     def regular(self, q: ca.SX) -> ca.SX:
         return ca.SX(0, 1)
 
@@ -399,6 +443,12 @@ class Cone(AbstractSurface):
 
     def point(self, q: ca.SX) -> ca.SX:
         return ca.vertcat(q, ca.norm_2(q) / ca.tan(sx(self.half_angle)))
+
+    def chart(self) -> Chart:
+        def around(q: ca.SX) -> ca.SX:
+            return ca.vertcat(q[1] * ca.cos(q[0]), q[1] * ca.sin(q[0]), q[1] / ca.tan(sx(self.half_angle)))
+
+        return Chart(around, (TURN, (0.0, np.inf)), self.inside, (0.0, 1.0))
 
     def regular(self, q: ca.SX) -> ca.SX:
         return ca.sumsqr(q)
@@ -469,6 +519,9 @@ class ParametricSurface(AbstractSurface):
     def inside(self, q: ca.SX) -> ca.SX:
         return ca.SX(0, 1) if self.ends is None else ca.vertcat(*(within(q[k], ends) for k, ends in enumerate(self.ends)))
 
+    def chart(self) -> Chart:
+        return Chart(self.point, self.ends or (ENDLESS, ENDLESS), self.inside, self.start)
+
 
 @final
 class Revolution(AbstractSurface):
@@ -526,6 +579,9 @@ class Revolution(AbstractSurface):
     def inside(self, q: ca.SX) -> ca.SX:
         return ca.SX(0, 1) if self.ends is None else within(q[0], self.ends)
 
+    def chart(self) -> Chart:
+        return Chart(self.point, (self.ends or ENDLESS, TURN), self.inside, self.start)
+
     def _profile(self, s: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """The curve and its two derivatives."""
         slope = ca.jacobian(self.profile, self._s)
@@ -560,6 +616,9 @@ class Parallel(AbstractSurface):
 
     def point(self, q: ca.SX) -> ca.SX:
         return self.surface.point(q) + sx(self.distance) * self.surface.normal(q)
+
+    def chart(self) -> None:
+        return None
 
     def rates(self, q: ca.SX, v: ca.SX) -> ca.SX:
         return self.surface.rates(q, v)

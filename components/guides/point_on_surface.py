@@ -12,15 +12,17 @@ from acausal.language.expression import Expression, Variable, time
 from acausal.language.impact_laws import Restitution
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
+from acausal.parts.seen import AbstractSeenAlong
 from components.contacts.laws import Coulomb
 from components.contacts.one_sided_point import OneSidedPoint, hard_law
 from components.geometry.laws import at_time, changing
+from components.geometry.net import net
 from components.geometry.surfaces import APEX, AbstractSurface, checked_surface
 from components.guides.rough_guide import RoughGuide
 
 
 @final
-class PointOnSurface(AbstractJoint):
+class PointOnSurface(AbstractJoint, AbstractSeenAlong):
     """frame_b slides on a `surface` fixed in frame_a, and does not turn. Two freedoms.
 
     q: the surface's coordinates, v (2): their velocities; no multiplier. A particle sits on frame_b; a body's point does with a Spherical
@@ -74,6 +76,9 @@ class PointOnSurface(AbstractJoint):
         self.surface = checked_surface(surface, "PointOnSurface")
         self._declare("q", surface.unit, len(surface.start), surface.start if any(surface.start) else None)
         self._declare("v", f"{surface.unit or '1'}/s")
+
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        return net(self.surface, places), ()
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
         return Pose(np.eye(3), at_time(t, self.surface.point(q))[0])
