@@ -214,6 +214,12 @@ def _check_inertia(link: Link, blocks: Blocks) -> None:
 def massless(link: Link) -> MasslessError:
     """Nothing with inertia resists its motion."""
     if not is_zero(link.inertia.mass) and not link.motion.subspace[:3, :].is_zero():
+        if link.inertia.is_point:
+            return MasslessError(
+                f"No moment of inertia resists a turn of {link.where}: all its mass is in one point, and a point has no orientation. The acceleration of "
+                "this turn is undefined. Use a RigidBody in place of the particle; or let it be held by what does not turn: CartesianTranslation, "
+                "PointOnCurve(...), PointOnSurface(...); or connect points alone, such as by Rod(length)."
+            )
         return MasslessError(
             f"No moment of inertia resists a turn of {link.where}, whose mass lies all on the axis of this turn: a thin "
             "rod about itself, or a point. The acceleration of this turn is undefined. Give the rod a thickness, RigidBody.rod(mass, tip, radius=...), "

@@ -11,6 +11,7 @@ from typing import Any
 
 import casadi as ca
 
+from acausal.arguments import shown  # pyright: ignore[reportUnusedImport]  # users pass anything
 from acausal.errors import UnknownVariableError
 from acausal.language.component import inflow, law_changes
 from acausal.language.connector import Point, Quantity
@@ -168,7 +169,7 @@ class Outputs:
                 f"The method '{value.__name__}' of {value.__self__!r} is not a variable. Of springs and dampers read scene.spring.pull and .distance, of"
                 " other parts"
                 if ismethod(value)
-                else f"{value!r} is not a variable or an expression of variables. Use"
+                else f"{shown(value)} is not a variable or an expression of variables. Use"
             )
             raise UnknownVariableError(
                 f"{said} the scene's own, e.g. scene.hinge.q, scene.rod.tip.position, or 2 * scene.hinge.v."

@@ -27,6 +27,15 @@ class Inertia:
     second_moment: Matrix
     near: tuple[np.ndarray, Matrix, Matrix] | None = field(default=None, repr=False, compare=False)
 
+    @property
+    def is_point(self) -> bool:
+        """Whether all of it is in one point, by numbers."""
+        m, h, second = self.mass, self.moment, self.second_moment
+        if not (isinstance(m, float) and isinstance(h, np.ndarray) and isinstance(second, np.ndarray) and m > 0):
+            return False
+        left = m * second - (h @ h * np.eye(3) - np.outer(h, h))
+        return bool(np.max(np.abs(left)) <= EDGE * float(h @ h))
+
     @classmethod
     def zero(cls) -> Inertia:
         """Of nothing."""

@@ -7,14 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from acausal.language.connector import Frame, Point
-
 
 class AbstractSeenAlong(ABC):
-    """A part with something to move along, seen as far as a motion comes. Must provide `frame_a`, `frame_b` and `seen_along`."""
-
-    frame_a: Frame
-    frame_b: Frame | Point
+    """A part with something to move along, seen as far as a motion comes. It has two connectors, frame_a and frame_b. Must provide `seen_along`."""
 
     @abstractmethod
     def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:

@@ -11,6 +11,7 @@ import numpy as np
 from acausal.arguments import finite
 from acausal.errors import OptionError
 from acausal.language.component import System
+from acausal.language.connector import Point
 from acausal.language.expression import Expression
 from acausal.numerics.thresholds import EDGE
 from acausal.outputs.outputs import Outputs
@@ -176,11 +177,12 @@ def _moved_along(run: Motion) -> tuple[MovingBody, ...]:
     shapes: list[tuple[Shape, ...]] = []
     poses: list[Pose] = []
     for name, part in parts:
-        if not isinstance(part, AbstractSeenAlong):
+        ends = [c for c in part.connectors() if isinstance(c, Point)]
+        if not isinstance(part, AbstractSeenAlong) or len(ends) != 2:
             continue
-        a, b = (mechanics.placement.pose(frame) for frame in (part.frame_a, part.frame_b))
+        a, b = (mechanics.placement.pose(frame) for frame in ends)
         places = run[symbolic(a.rotation).T @ (symbolic(b.position) - symbolic(a.position))]
-        for frame, pose, own in zip((part.frame_a, part.frame_b), (a, b), part.seen_along(places), strict=True):
+        for frame, pose, own in zip(ends, (a, b), part.seen_along(places), strict=True):
             if own and mechanics.placement.place(frame)[0] not in shaped:
                 names.append(name)
                 shapes.append(own)

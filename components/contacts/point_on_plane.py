@@ -27,7 +27,8 @@ class PointOnPlane(AbstractStepJoint, AbstractContact):
     """The origin of frame_b slides on the plane z = 0 of frame_a: a foot, a skid, the tip of a top on ice.
 
     Five freedoms; closing a loop, one row. q: unit quaternion of R_ab (4, scalar first), then x and y of frame_b's origin in
-    frame_a [m]; v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s], x' and y' [m/s]. The contact can pull.
+    frame_a [m]; v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s], x' and y' [m/s]. The contact can pull. A particle,
+    which does not turn, sits on PointOnSurface(Plane()).
 
     `unilateral`: it does not pull, but may be left, and struck again: see OneSidedPoint. Then the point keeps its own coordinates, `restitution` is 0 (no
     bounce) ... 1 (no loss), and `friction` Coulomb(...), if any. With `friction` alone it holds on both sides, and rubs: see RoughGuide.

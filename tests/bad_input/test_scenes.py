@@ -14,6 +14,7 @@ from components import (
     Fixed,
     Gear,
     Ground,
+    Gyro,
     Inertia,
     Integrator,
     NonlinearDamper,
@@ -227,6 +228,19 @@ def class_s_connector() -> None:
     scene.connect(scene.rod.tip, Revolute.frame_a)
 
 
+def gyro_on_a_particle(away: tuple[float, float, float]) -> None:
+    scene = ac.System()
+    scene.world, scene.bob, scene.arm, scene.gyro = World(), Particle(2.0), Fixed(away), Gyro()
+    scene.connect(scene.gyro.frame, scene.arm.frame_a)
+    scene.connect(scene.arm.frame_b, scene.bob.point)
+    ac.build(scene)
+
+
+def read_a_list() -> None:
+    scene = Pendulum()
+    ac.build(scene).simulate(0.1)[[1.5 * scene.rod.tip.position[k] ** 2 for k in range(3)]]
+
+
 A_DEGREE = np.radians(1.0)
 
 CASES = [
@@ -254,6 +268,9 @@ CASES = [
     Wrong("four wheels not in one plane", lambda: ac.build(cart(0.01)), errors.AssemblyError, ("contacts[", "gap reached is 0.003", "offsets")),
     Wrong("wheel larger than its axle is high", lambda: ac.build(wheel_on_an_axle(0.25)), errors.AssemblyError, ("'contact'", "gap reached is 0.05")),
     Wrong("wheel that rolls on a fixed axle", lambda: ac.build(wheel_on_an_axle(0.3)), errors.LockedError, ("'contact'", "Remove a joint")),
+    Wrong("gyro on a particle", lambda: gyro_on_a_particle((0, 0, 0)), errors.MasslessError, ("bob, arm, gyro", "in one point", "RigidBody")),
+    Wrong("gyro beside a particle", lambda: gyro_on_a_particle((0.1, 0.7, -0.3)), errors.MasslessError, ("in one point", "RigidBody")),
+    Wrong("a list is read", read_a_list, errors.UnknownVariableError, ("… is not a variable",)),
     Wrong("loop without mass", massless_loop, errors.MasslessError, ("hinges[1]", "bars[1]", "Connect a body with mass")),
     Wrong("particle on a ball joint", particle_on_a_ball_joint, errors.IncompatibleError, ("joint.frame_b", "'bob'", "point", "Fixed")),
     Wrong("rod too long", lambda: rod_from((0, 0, 0), 3.0), errors.AssemblyError, ("'stay'", "gap reached is 1.33")),
