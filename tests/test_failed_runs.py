@@ -1,11 +1,12 @@
 """A run that fails keeps the motion until where it is right, and nothing after it."""
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import SimulationError
-from components import AngleSource, Revolute, RigidBody, World
+from acausal.errors import AccuracyWarning, SimulationError
+from components import AngleSource, ParametricCurve, Particle, PointOnCurve, Revolute, RigidBody, World
 
 SPEED, BEGIN = 3.0, 0.9
 
@@ -61,3 +62,29 @@ def test_what_is_driven_out_of_reach_is_kept_until_there(size: float, number: in
         rate = 1j * (lengths[0] * turns[0] * va + lengths[1] * turns[1] * (va + vb) - lengths[2] * turns[2] * vd)
         assert np.max(np.abs(rate) / (np.abs(va) + np.abs(vb) + np.abs(vd))) < 1e-6
         assert np.isfinite(run.energy).all()
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("begin", [0.3, 0.5, 0.8])
+def test_a_wire_that_turns_where_its_parameter_ends_is_told(size: float, begin: float) -> None:
+    # (u, 0, sqrt(u)): the lower half of the parabola has no u, and what comes to its apex is thrown back up; beside it states have no energy
+    scene = ac.System()
+    scene.world, scene.bead = World(), Particle(1.0)
+    scene.wire = PointOnCurve(ParametricCurve(lambda u: (u, 0, ca.sqrt(u * size))))
+    scene.connect(scene.world.frame, scene.wire.frame_a)
+    scene.connect(scene.wire.frame_b, scene.bead.point)
+    model = ac.build(scene)
+    with pytest.warns(AccuracyWarning, match=r"'wire' .* was where it has no meaning, and went on.*slope is infinite"):
+        model.simulate(np.sqrt(size), {scene.wire.q: begin * size, scene.wire.v: -3.5 * np.sqrt(size)})
+
+
+@pytest.mark.parametrize(("law", "speed"), [
+    (lambda u: (u, 0, ca.sqrt(ca.fmax(u, 0))), -3.5), (lambda u: (u, 0, u ** (2 / 3)), -3.5), (lambda u: (ca.acos(u - 0.2), 0, -u), 3.5),
+])  # fmt: skip
+def test_a_wire_ends_where_its_slope_is_infinite(law, speed: float) -> None:
+    scene = ac.System()
+    scene.world, scene.bead, scene.wire = World(), Particle(1.0), PointOnCurve(ParametricCurve(law))
+    scene.connect(scene.world.frame, scene.wire.frame_a)
+    scene.connect(scene.wire.frame_b, scene.bead.point)
+    with pytest.raises(SimulationError, match=r"'wire' .* at wire\.q = .*its slope is infinite"):
+        ac.build(scene).simulate(1.0, {scene.wire.q: 0.5, scene.wire.v: speed})

@@ -43,6 +43,8 @@ _CHEAP, _SHARE = 1e4, 1 / 20
 _SIGNS = np.random.default_rng(0).uniform(0.5, 1.0, 509) * np.random.default_rng(1).choice([-1.0, 1.0], 509)
 """Directions of disturbances."""
 _FOURTHS, _PARTS = np.arange(_LOOKS // 2), (np.arange(1, _LOOKS // 2 + 1) - 0.5) / (_LOOKS // 2)
+_NO_PLACE = 1e-14
+"""Of what is zero in singular places, where it is most: no motion passes one so closely by chance."""
 _NIL = (64 * _EPS) ** 2
 """Of the energy that all would have by what acts on it, what is nothing but rounding of velocities."""
 
@@ -73,17 +75,36 @@ def warn_if_inaccurate(functions: Functions, run: Trajectory, rtol: float, atol:
     as_found = values[:, :_LOOKS]
     with np.errstate(invalid="ignore"):
         changes = np.abs(values[:, _LOOKS:] - as_found)
-    spread = np.maximum.reduce(changes, axis=1)
     if not np.isfinite(as_found[2:]).all() and np.isfinite(run.steps.x[:, some]).all():
         _has_no_constraints(functions, run)
         return
     if functions.energy_told and not np.isfinite(as_found[:2]).all() and np.isfinite(x[:, some]).all():
         _has_no_energy(functions, run)
-    if not math.isfinite(np.add.reduce(spread)):
+    if any(not border.sized for border in functions.borders) and _passes_singular_place(functions, run):
         return
+    if not math.isfinite(np.add.reduce(as_found, axis=None)):
+        return
+    changes[~np.isfinite(changes)] = np.inf  # beside an end of what has a value all is forgiven, and not elsewhere
     doubtful = (np.abs(as_found[2:]) > _LOOSE * changes[2:]).any()
     if not (doubtful and _leaves_constraints(functions, run, sizes)) and functions.energy_told:
         _look_at_energy(functions, run, sizes, some, as_found[0], as_found[1], changes[0] + changes[1])
+
+
+def _passes_singular_place(functions: Functions, run: Trajectory) -> bool:
+    """Warn that a part has come to where it has no meaning, and gone on: states that are smooth there may be thrown back where what they stand for is not; whether it has."""
+    values, row = at_steps(functions, run, functions.inside), 0
+    for border in functions.borders:
+        own = values[row : row + border.values.numel()]
+        row += border.values.numel()
+        most = np.max(own, axis=1, keepdims=True)
+        at = np.argwhere((own < _NO_PLACE * most) & np.isfinite(most))
+        if not border.sized and at.size:
+            warnings.warn(
+                f"At t = {run.steps.t[at[0, 1]]:.6g} s {border.who} was where it has no meaning, and went on. {border.why} The motion is not reliable from there on.",
+                AccuracyWarning, stacklevel=callers_level(),
+            )  # fmt: skip
+            return True
+    return False
 
 
 def _has_no_constraints(functions: Functions, run: Trajectory) -> None:

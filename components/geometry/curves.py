@@ -18,7 +18,7 @@ from acausal.language.origin import origin
 from acausal.visual.shapes import Wire
 from components.geometry.laws import moving, place
 
-CUSP = "The curve has a cusp there, and no direction: what slides along it would have to stop and start in no time."
+CUSP = "The curve has a cusp there, and no direction: what slides along it would have to stop and start in no time; or its slope is infinite, as where a root of its parameter ends: give it by another parameter."
 """Said where `AbstractCurve.regular` is zero."""
 
 
@@ -123,6 +123,10 @@ class ParametricCurve(AbstractCurve):
 
     def point(self, s: ca.SX) -> ca.SX:
         return ca.substitute(self.law, self._s, s)
+
+    def regular(self, s: ca.SX) -> ca.SX:
+        square = super().regular(s)
+        return ca.vertcat(square, 1 / square)  # nor where its slope is infinite
 
 
 @final
