@@ -1,8 +1,11 @@
 """A run that fails keeps the motion until where it is right, and nothing after it."""
 
+import warnings
+
 import casadi as ca
 import numpy as np
 import pytest
+from scipy.interpolate import interp1d
 
 import acausal as ac
 from acausal.errors import AccuracyWarning, SimulationError
@@ -88,3 +91,30 @@ def test_a_wire_ends_where_its_slope_is_infinite(law, speed: float) -> None:
     scene.connect(scene.wire.frame_b, scene.bead.point)
     with pytest.raises(SimulationError, match=r"'wire' .* at wire\.q = .*its slope is infinite"):
         ac.build(scene).simulate(1.0, {scene.wire.q: 0.5, scene.wire.v: speed})
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_wire_that_bends_at_once_is_told_and_one_that_curves_at_once_is_not(size: float) -> None:
+    # a valley of two slopes, by an absolute value, a choice and a table; its parabola within a width, and a track whose curvature alone begins at once
+    table = interp1d([-2 * size, -0.1 * size, 2 * size], [0.95 * size, 0, 2.1 * size])
+    laws = [
+        (lambda u: (u, 0, abs(u)), 0.0),
+        (lambda u: (u, 0, ca.if_else(u < 0.2 * size, 0, 0.7 * (u - 0.2 * size))), 0.2),
+        (lambda u: (u, 0, ac.lookup(table, u)), -0.1),
+        (lambda u: (u, 0, ca.if_else(ca.fabs(u) < 0.1 * size, (u**2 / size + 0.01 * size) / 0.2, ca.fabs(u))), None),
+        (lambda u: (u, 0, 0.5 * ca.fmax(u, 0) ** 2 / size), None),
+    ]
+    for law, corner in laws:
+        scene = ac.System()
+        scene.world, scene.bead, scene.wire = World(), Particle(1.0), PointOnCurve(ParametricCurve(law))
+        scene.connect(scene.world.frame, scene.wire.frame_a)
+        scene.connect(scene.wire.frame_b, scene.bead.point)
+        with warnings.catch_warnings(record=True) as told:
+            warnings.simplefilter("always")
+            ac.build(scene).simulate(np.sqrt(size), {scene.wire.q: -0.4 * size, scene.wire.v: 1.5 * np.sqrt(size)})
+        if corner is None:
+            assert not told
+        else:
+            (words,) = (str(one.message) for one in told)
+            assert "'wire'" in words and "passes a corner" in words
+            assert float(words.split("wire.q = ")[1].split(":")[0]) == pytest.approx(corner * size, abs=1e-8 * size)

@@ -27,6 +27,7 @@ from acausal.numerics.switching import has_switches, switching
 from acausal.numerics.terms import rounded
 from acausal.outputs.borders import Border, borders
 from acausal.outputs.given_motion import GivenMotion, given_motions
+from acausal.outputs.guided import Guide, guides
 from acausal.outputs.mode_functions import mode_functions
 from acausal.outputs.outputs import Outputs
 from acausal.outputs.set_functions import set_functions
@@ -442,6 +443,18 @@ class Functions:
     def borders(self) -> tuple[Border, ...]:
         """Where parts have a meaning."""
         return borders(self.outputs)
+
+    @functools.cached_property
+    def guides(self) -> tuple[Guide, ...]:
+        """Where what slides may come to a corner."""
+        return guides(self.outputs)
+
+    @functools.cached_property
+    def along_guides(self) -> ca.Function:
+        """(t, x, u, p) -> velocity (3) and coordinates of all `guides`."""
+        return self.output(
+            ca.vertcat(*(ca.vertcat(guide.velocity, guide.coordinates) for guide in self.guides)), name="along_guides"
+        )
 
     @functools.cached_property
     def inside(self) -> ca.Function:

@@ -22,6 +22,7 @@ from acausal.outputs.functions import Functions
 from acausal.outputs.given_motion import check_given_motions
 from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
+from acausal.simulate.corners import warn_if_cornered
 from acausal.simulate.events import events_asked
 from acausal.simulate.one_way import warn_if_passed_back
 from acausal.simulate.passes import warn_if_missed
@@ -169,7 +170,7 @@ def look_at(functions: Functions, run: Trajectory, accuracy: Accuracy, jumps: bo
     if run.status.kind is StatusKind.SUCCESS:
         lost.append(warn_if_passed_back(functions, run))
     if run.status.kind is StatusKind.SUCCESS and accuracy.step is None and not any(lost):
-        warn_if_inaccurate(functions, run, accuracy.rtol, accuracy.atol)
+        _ = warn_if_cornered(functions, run) or warn_if_inaccurate(functions, run, accuracy.rtol, accuracy.atol)
 
 
 def integrated(problem: Problem, x0: np.ndarray, t0: float, t1: float, options: Options, called: float) -> Solution:

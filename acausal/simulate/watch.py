@@ -44,7 +44,7 @@ _SIGNS = np.random.default_rng(0).uniform(0.5, 1.0, 509) * np.random.default_rng
 """Directions of disturbances."""
 _FOURTHS, _PARTS = np.arange(_LOOKS // 2), (np.arange(1, _LOOKS // 2 + 1) - 0.5) / (_LOOKS // 2)
 _NO_PLACE = 1e-14
-"""Of what is zero in singular places, where it is most: no motion passes one so closely by chance."""
+"""Of what is zero in singular places, as it usually is: no motion passes one so closely by chance."""
 _NIL = (64 * _EPS) ** 2
 """Of the energy that all would have by what acts on it, what is nothing but rounding of velocities."""
 
@@ -96,8 +96,8 @@ def _passes_singular_place(functions: Functions, run: Trajectory) -> bool:
     for border in functions.borders:
         own = values[row : row + border.values.numel()]
         row += border.values.numel()
-        most = np.max(own, axis=1, keepdims=True)
-        at = np.argwhere((own < _NO_PLACE * most) & np.isfinite(most))
+        usual = np.array([_median(values, run.steps.t) for values in own])[:, None]
+        at = np.argwhere((own < _NO_PLACE * usual) & np.isfinite(usual))
         if not border.sized and at.size:
             warnings.warn(
                 f"At t = {run.steps.t[at[0, 1]]:.6g} s {border.who} was where it has no meaning, and went on. {border.why} The motion is not reliable from there on.",
@@ -105,6 +105,13 @@ def _passes_singular_place(functions: Functions, run: Trajectory) -> bool:
             )  # fmt: skip
             return True
     return False
+
+
+def _median(values: np.ndarray, t: np.ndarray) -> float:
+    """That of `values` (n,) at times t (n,) which half of the time are below."""
+    order, lasts = np.argsort(values), np.gradient(t)
+    until = np.cumsum(lasts[order])
+    return float(values[order[np.searchsorted(until, 0.5 * until[-1])]])
 
 
 def _has_no_constraints(functions: Functions, run: Trajectory) -> None:
