@@ -195,3 +195,15 @@ def test_axes_have_no_size(size):
     want = axis_vector((1.0, 2.0, -2.0), "an axis")
     assert np.max(np.abs(axis_vector((size, 2 * size, -2 * size), "an axis") - want)) < 1e-15
     assert np.array_equal(axis_vector((2.0**900, 2.0**901, -(2.0**901)), "an axis"), want)
+
+
+@pytest.mark.parametrize(("spoilt", "words"), [
+    (np.diag([1, -1, 1]), "mirrors"), (-np.eye(3), "mirrors"), (np.diag([1, 1, 1 + 1e-3]), "right angles"), (np.outer([1, 0, 0], [1, 1, 1]), "right angles"),
+])  # fmt: skip
+def test_a_start_at_a_matrix_that_is_no_rotation_says_so(spoilt, words):
+    scene = tumbling()
+    model, R = ac.build(scene), Rotation.random(random_state=4).as_matrix()
+    with pytest.raises(errors.StartValueError, match=f"body.frame.rotation .*{words}"):
+        model.simulate(0.1, {scene.body.frame.rotation: R @ spoilt})
+    rough = model.simulate(0.1, {scene.body.frame.rotation: ac.near(R @ np.diag([1, 1, 1 + 1e-3]))})
+    assert np.max(np.abs(rough[scene.body.frame.rotation][0] - R)) < 1e-3

@@ -14,6 +14,9 @@ from acausal.language.expression import Derivative, Expression, Input, Parameter
 from acausal.parts.rotations import Rotation, rotation_matrix
 from acausal.start.unknowns import Target
 
+_UNEVEN = 1e-6
+"""By which products of columns of a matrix are off that is no rotation, however it was rounded."""
+
 Value = float | Sequence[float] | np.ndarray | Rotation
 
 
@@ -89,7 +92,24 @@ def start_numbers(target: Target, value: Value | exactly | near) -> np.ndarray:
         )
     if not np.isfinite(wanted).all():
         raise StartValueError(f"start value of {target.name} is {wanted}. Give finite numbers.")
+    if target.size == 9 and target.exact and target.name.endswith(".rotation"):
+        _check_rotation(target, wanted.reshape(3, 3).T)
     return wanted
+
+
+def _check_rotation(target: Target, matrix: np.ndarray) -> None:
+    """Raises `StartValueError` for a matrix that no body can be turned by."""
+    off = float(np.max(np.abs(matrix.T @ matrix - np.eye(3))))
+    if off > _UNEVEN:
+        raise StartValueError(
+            f"start value of {target.name} is no rotation: its columns are not of length 1 and at right angles (off by {off:.3g}). Give a rotation, e.g. "
+            '("z", 0.3) or scipy\'s Rotation, or soften it with ac.near(...).'
+        )
+    if np.linalg.det(matrix) < 0:
+        raise StartValueError(
+            f"start value of {target.name} is a matrix that mirrors: its determinant is -1, and no body can be turned so. Let one of its columns, the axes, point "
+            "the other way."
+        )
 
 
 def start_weight(target: Target, weight: object) -> float:
