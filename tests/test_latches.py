@@ -14,6 +14,8 @@ from acausal.errors import ModelError, OptionError
 from acausal.language.mode_laws import ModeLaw
 from acausal.parts.rotations import rotation_about
 from components import (
+    Brake,
+    EndStop,
     Gripper,
     Inertia,
     Latch,
@@ -483,3 +485,42 @@ def test_slides_that_are_tied_on_their_flanges_share_their_momentum(size: float)
     assert [transition.time for transition in run.transitions] == pytest.approx([0.5, 2.0], rel=1e-14)
     assert run.transitions[0].energy_lost == pytest.approx(m * M / (m + M) * v**2 / 2, rel=1e-12)
     assert [run[mass.s][-1].item() for mass in (scene.a, scene.b)] == pytest.approx([size + 2.5 * together] * 2, rel=1e-13)
+
+
+class Governor(ac.Component):
+    """Remembers that a speed has passed a level."""
+
+    def __init__(self, speed: ac.Expression, level: float) -> None:
+        self.excess, self.on = speed - level, ac.Discrete(start=0)
+
+    def laws(self) -> Iterable[ModeLaw]:
+        yield ac.when(self.excess, "rising", set={self.on: 1})
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("kind", [Latch, PointLatch, Gripper])
+@pytest.mark.parametrize("first", [True, False])
+def test_a_lift_whose_rope_breaks_is_caught_by_its_brake(kind: type, size: float, first: bool) -> None:
+    # what is held at the start does not move there, and is let go later: what rubs and what stops it has to be there from the start
+    m, g, level, breaks = 400.0, 9.81, 1.5 * np.sqrt(size), 1.0 * np.sqrt(size)
+    scene = ac.System()
+    scene.world, scene.rail, scene.cage = World(), Prismatic("z"), RigidBody.box(m, (size, size, 2 * size))
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.cage.frame)
+    scene.governor = Governor(-1.0 * scene.rail.v, level)
+    held = kind(opens=ac.time - breaks, held=True)
+    if first:
+        scene.rope = held
+    scene.brake, scene.stop = (
+        Brake(scene.rail.flange, capacity=8000.0 * scene.governor.on),
+        EndStop(scene.rail.flange, upper=0.1 * size),
+    )
+    if not first:
+        scene.rope = held
+    scene.connect(scene.world.frame, scene.rope.frame_a)
+    scene.connect(scene.rope.frame_b, scene.cage.frame)
+    run = ac.build(scene).simulate(3.0 * np.sqrt(size), rtol=1e-11)
+    slows = 8000 / m - g
+    times = np.cumsum([breaks, level / g, level / slows])
+    assert [change.time for change in run.transitions] == pytest.approx(times, rel=1e-11)
+    assert run[scene.rail.q][-1] == pytest.approx(-(level**2) / 2 * (1 / g + 1 / slows), rel=1e-11)

@@ -381,8 +381,14 @@ def _with_passages(system: ReducedSystem, rows: Sequence[ModeRow]) -> ReducedSys
 
 
 def _motion(system: ReducedSystem) -> Motion:
-    """Rates by reactions, which are inputs still."""
-    return Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, places(system))
+    """Rates by reactions, which are inputs still; looked at with all locks let go, too: what one holds at the start may move later."""
+    found = places(system)
+    if system.locks is not None:
+        held = ca.vertcat(*(row.held for row in system.locks.rows))
+        holds = np.diff(ca.jacobian(held, system.u).sparsity().colind()) > 0
+        let_go = tuple((t, x, np.where(holds, 0.0, u), p) for t, x, u, p in found)
+        found = (*found, *let_go)
+    return Motion(system.t, system.x, system.u, system.p, system.x_dot, system.nq, found)
 
 
 def _with_found(system: ReducedSystem, rows: Sequence[ModeRow] | Sequence[LockRows], r: ca.SX, found: ca.SX) -> ReducedSystem:
