@@ -118,15 +118,15 @@ def cart_pole_by_hand() -> Textbook:
     return Textbook(rate, 2.0, np.zeros(4), np.array([0, np.pi, 0, 0]), np.array([20.0]), np.full(4, np.inf), np.ones(1))
 
 
-def arm() -> ac.OptimalControl:
-    """Moves its tool in half a second."""
+def arm(speed: float = 6.0) -> ac.OptimalControl:
+    """Moves its tool in half a second, no axis faster than that [rad/s]."""
     scene = Arm()
     ocp = ac.OptimalControl(ac.build(scene), 0.5)
     ocp.start({hinge.q: q for hinge, q in zip(scene.hinges, START, strict=True)})
     ocp.end({hinge.q: q for hinge, q in zip(scene.hinges, END, strict=True)} | {hinge.v: 0 for hinge in scene.hinges})
     for hinge, torque, most in zip(scene.hinges, scene.torques, TORQUES, strict=True):
         ocp.bound(torque, -most, most)
-        ocp.bound(hinge.v, -6, 6)
+        ocp.bound(hinge.v, -speed, speed)
     ocp.minimise(ac.integral(sum((torque / most) ** 2 for torque, most in zip(scene.torques, TORQUES, strict=True))))
     return ocp
 
