@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import lsq_linear
 
 import acausal as ac
 from acausal.collocation.problem import StatusKind
 from acausal.simulate.trajectory import Trajectory
-from components import Contact, Coulomb, Hard, Plane, PointOnPlane, RigidBody, Sphere, World
+from components import Contact, Coulomb, Hard, Plane, PointOnPlane, RigidBody, SlidingMass, Sphere, World
 
 
 def row_of_balls(restitution: object, order: list[int], speeds: list[float], apart: float = 0.0) -> list[float]:
@@ -54,6 +58,75 @@ def test_one_ball_between_two_that_strike_it_in_one_instant_is_named(order: list
         row_of_balls(ac.Poisson(0.5, in_sequence=True), order, [1.0, 0.0, -1.0], 0.25)
     run = raised.value.trajectory
     assert run is not None and run.status.kind is StatusKind.TIED
+
+
+class Meets(ac.Component):
+    """Keeps flange_b in front of flange_a."""
+
+    flange_a, flange_b = ac.Translational.port(must_connect=True), ac.Translational.port(must_connect=True)
+
+    def __init__(self, law: object) -> None:
+        self.law, self.push = law, ac.Reaction("N", "how hard it pushes")
+
+    def equations(self) -> Iterable[ac.Equation]:
+        yield ac.equal(self.flange_a.f, 1.0 * self.push)
+        yield ac.equal(self.flange_b.f, -1.0 * self.push)
+
+    def laws(self) -> Iterable[ac.OneSided]:
+        yield ac.OneSided(self.push, self.flange_b.s - self.flange_a.s - 0.1, self.law)  # pyright: ignore[reportArgumentType]
+
+
+def blows(masses: np.ndarray, speeds: np.ndarray, restitution: float) -> np.ndarray:
+    """Speeds after blows one after the other, as long as any two close by more than 1e-11."""
+    v = speeds.copy()
+    while True:
+        closing = np.flatnonzero(v[:-1] - v[1:] > 1e-11)
+        if not closing.size:
+            return v
+        for k in closing:
+            blow = (1 + restitution) * masses[k] * masses[k + 1] / (masses[k] + masses[k + 1]) * (v[k] - v[k + 1])
+            v[k : k + 2] += blow * np.array([-1, 1]) / masses[k : k + 2]
+
+
+def struck(masses: np.ndarray, speeds: np.ndarray, restitution: float, poisson: bool) -> np.ndarray:
+    """Speeds after all have struck at once: least of a quadratic form of impulses that push."""
+    rates = np.diff(np.eye(masses.size), axis=0)
+    factor, u = np.linalg.cholesky(rates @ np.diag(1 / masses) @ rates.T), rates @ speeds
+
+    def impulses(u: np.ndarray, floor: np.ndarray) -> np.ndarray:
+        return lsq_linear(factor.T, -np.linalg.solve(factor, u), (floor, np.full(u.size, np.inf)), method="bvls", tol=1e-15).x
+
+    none = np.full(u.size, -1e-300)
+    first = impulses(u, none) if poisson else impulses(u + restitution * np.minimum(u, 0), none)
+    if poisson:
+        first = first + impulses(u + factor @ factor.T @ first, restitution * first - 1e-300)
+    return speeds + rates.T @ first / masses
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_ten_in_a_row_strike_as_sequences_of_blows_and_quadratic_programs_say(seed: int) -> None:
+    """Equal masses, or up to 1 : 1000. Of blows that lose much there is no end: then they go on together."""
+    g = np.random.default_rng(seed)
+    n, restitution = 10, [0.0, 0.05, 0.3][seed % 3]
+    masses = 10 ** g.uniform(-1.5, 1.5, n) if seed % 2 else np.ones(n)
+    speeds = np.array([1.0, *np.zeros(n - 1)])
+    laws = (
+        (ac.Newton(restitution, in_sequence=True), blows(masses, speeds, restitution)),
+        (ac.Newton(restitution), struck(masses, speeds, restitution, False)),
+        (ac.Poisson(restitution), struck(masses, speeds, restitution, True)),
+    )
+    for law, exact in laws:
+        scene: Any = ac.System()
+        sliders, meets = [SlidingMass(float(mass)) for mass in masses], [Meets(law) for _ in masses[1:]]
+        order = g.permutation(n)
+        scene.sliders, scene.meets = [sliders[k] for k in order], [meets[k] for k in order if k < n - 1]
+        for one, other, meet in zip(sliders[:-1], sliders[1:], meets, strict=True):
+            scene.connect(one.flange_b, meet.flange_a)
+            scene.connect(meet.flange_b, other.flange_a)
+        start = {slider.s: 0.1 * k for k, slider in enumerate(sliders)}
+        start |= {slider.v: float(v) for slider, v in zip(sliders, speeds, strict=True)}
+        run = ac.build(scene).simulate(0.5, start, rtol=1e-10, samples=2)
+        assert [run[slider.v].ravel()[-1] for slider in sliders] == pytest.approx(exact, abs=1e-9)
 
 
 def dropped(body: RigidBody, at: np.ndarray, law: object, friction: Coulomb, v: np.ndarray, w: np.ndarray) -> Trajectory:

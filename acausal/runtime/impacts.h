@@ -244,12 +244,15 @@ static int moves_other(const Decision *D, const long *touching, long i, long j) 
 static enum Code impact(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
     long n = D->n, *shut = R.wanted;
-    double *rate = T->blow, *met = T->blow + n, *total = T->blow + 2 * n, taken = 0, gained = 0;
+    double *rate = T->blow, *met = T->blow + n, *total = T->blow + 2 * n, taken = 0, gained = 0, fastest = 0;
     int plain = 1;
     memset(total, 0, sizeof(double) * (size_t)n);
     memcpy(rate, D->rate, sizeof(double) * (size_t)n);
     memcpy(met, D->rate, sizeof(double) * (size_t)n);
-    for (long i = 0; i < D->gaps; i++) plain &= !R.touching[i] || is_plain(D, i);
+    for (long i = 0; i < D->gaps; i++) {
+        plain &= !R.touching[i] || is_plain(D, i);
+        if (R.touching[i] && met[i] < 0) fastest = fmax(fastest, -met[i] / unit_of(D->W[i * n + i]));
+    }
     for (long f = 0; f < D->frictions; f++) plain &= !R.touching[D->gaps + f] || D->back[f] == 0;
     for (long law = 0; law < D->gaps + D->frictions && I->directions; law++) {
         if (law >= D->gaps && rows_of(D, law - D->gaps) > 2) return not_derived(I, law, OF_PATCH);
@@ -260,7 +263,9 @@ static enum Code impact(Integrator *I, const Decision *D, Room R) {
     for (long blows = 0; blows < (plain ? 1 : BLOWS * D->gaps); blows++) {
         long closes = plain, together = plain; /* where all strike together, what touches is asked only once */
         for (long i = 0; i < D->gaps; i++) {
-            double least = fmax(D->rate_noise[i], NIL * fabs(met[i]));
+            double least = fmax(D->rate_noise[i], NIL * fabs(met[i])), moved = 0;
+            for (long j = 0; j < n; j++) moved += fabs(D->W[i * n + j] * total[j]);
+            least = fmax(least, NIL * moved);
             shut[i] = R.touching[i] && rate[i] < -least;
             for (long j = 0; j < D->gaps && shut[i]; j++) {
                 if (!R.touching[j] || !(met[j] < 0) || D->W[i * n + j] == 0) continue;
@@ -269,6 +274,12 @@ static enum Code impact(Integrator *I, const Decision *D, Room R) {
             }
             for (long j = 0; j < i && shut[i]; j++) {
                 if (!shut[j] || (!is_alone(D, i) && !is_alone(D, j)) || !moves_other(D, R.touching, i, j)) continue;
+                double one = -rate[i] / unit_of(D->W[i * n + i]), other = -rate[j] / unit_of(D->W[j * n + j]);
+                int least_of_all = rate[i] >= -MET * D->rate_noise[i] && rate[j] >= -MET * D->rate_noise[j];
+                if (least_of_all || fmax(one, other) <= FITS * fastest) { /* what is left of blows without end: the faster one first */
+                    shut[one > other ? j : i] = 0;
+                    continue;
+                }
                 I->worst = j, I->other = i;
                 return TIED;
             }

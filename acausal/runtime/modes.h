@@ -20,6 +20,7 @@
 #include "margin.h"
 #include "accelerations.h"
 
+#define ENDLESSLY 4e-11 /* of the speed of closing: what is left where blows one after the other have no end, at most */
 #define REFINED 3      /* times that impulses are solved for, what they leave open last */
 #define CLOSING 1e-9   /* of the slips: a speed of closing that is as good as none */
 #define ENDED 1e-6     /* of the slips met: what is left of slips that end all at once where no mode lasts */
@@ -310,10 +311,14 @@ static int stay_beside(Integrator *I, Decision *D, Room R) {
     memset(T->no_change, 0, sizeof(double) * (size_t)I->decision.outputs);
     for (long k = 0; k < D->gaps + D->frictions; k++) R.law[k] = OFF;
     for (long i = 0; i < n; i++) R.push[i] = R.floor[i] = 0;
+    double fastest = 0;
+    for (long i = 0; i < D->gaps; i++)
+        if (R.touching[i]) fastest = fmax(fastest, -R.before[i] / unit_of(D->W[i * n + i]));
     for (long i = 0; i < D->gaps; i++) {
         double struck = 0;
         for (long j = 0; j < n; j++) struck += fabs(D->W[i * n + j] * T->impulse[j]);
-        double noise = fmax(D->rate_noise[i], TOUCHES * EPS * struck), back = fabs(R.before[i]) <= noise ? 0 : -D->bounce[i] * R.before[i];
+        double left = is_alone(D, i) ? ENDLESSLY * fmax(fastest * unit_of(D->W[i * n + i]), struck) : 0; /* by blows without end */
+        double noise = fmax(D->rate_noise[i], fmax(TOUCHES * EPS * struck, left)), back = fabs(R.before[i]) <= noise || fabs(D->rate[i]) <= left ? 0 : -D->bounce[i] * R.before[i];
         if (!R.touching[i] || D->terms[i] < 0 || is_speed(D, i) || !(fabs(D->rate[i] - back) <= noise)) continue;
         R.law[i] = HOLDS;
         R.push[i] = 1, R.floor[i] = back;
