@@ -172,14 +172,12 @@ class Constraints:
         return tuple(sorted({i for walk in self.symbolic.walks for i in walk.influences}))
 
     @property
-    def drawn(self) -> tuple[np.ndarray, np.ndarray]:
-        """Sizes of what met in the constants of `position` (np,) and of `dropped` (n,), which are known to rounding of these only."""
-        sizes = [rows.drawn.sizes[: rows.position.numel()] for rows in self.loops]
-        firsts = np.cumsum([0, *(len(rows.names) for rows in self.loops)]).tolist()
-        places = [first + k for first, own in zip(firsts, sizes, strict=False) for k in range(own.size)]
-        used = np.isin(places, self.kept_index)
-        every = np.concatenate([np.zeros(0), *sizes])
-        return every[used], every[~used]
+    def drawn(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Sizes of what met in the constants of `position` (np,), of `velocity` (m,) and of `dropped` (n,), which are known to rounding of these only."""
+        every = np.concatenate([np.zeros(0), *(rows.drawn.sizes for rows in self.loops)])
+        held = np.array([k < rows.position.numel() for rows in self.loops for k in range(len(rows.names))], dtype=bool)
+        used = np.isin(np.arange(every.size), self.kept_index)
+        return every[used & held], every[used], every[~used & held]
 
     @functools.cached_property
     def much(self) -> tuple[np.ndarray, np.ndarray]:

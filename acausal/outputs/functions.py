@@ -216,14 +216,17 @@ class Functions:
         return ca.Function("watched", space.arguments, [ca.densify(ca.vertcat(energies, rows, following))])
 
     @functools.cached_property
-    def drawn(self) -> np.ndarray:
-        """Sizes (rows,) of what met in the constants of what is `watched`: they are known to rounding of these only."""
+    def drawn(self) -> tuple[np.ndarray, np.ndarray]:
+        """Sizes (rows,) of what met in the constants of what is `watched`, which are known to rounding of these only: of positions; of rates, where what is
+        much changes by its own size in a second.
+        """
         s = self.outputs.system
-        used, dropped = s.constraints.drawn
-        own, rows = s.constraints.joint_invariants.numel(), ca.vertcat(s.position_invariants, s.velocity_invariants)
-        known = np.zeros(rows.numel())
-        known[own : own + used.size] = used
-        return np.concatenate([np.zeros(2), known[self.space.left(rows)], dropped])
+        places, rates, dropped = s.constraints.drawn
+        first, rows = s.position_invariants.numel(), ca.vertcat(s.position_invariants, s.velocity_invariants)
+        known, own = np.zeros((2, rows.numel())), s.constraints.joint_invariants.numel()
+        known[0, own : own + places.size], known[1, first : first + rates.size] = places, rates
+        at_rest, moving = known[:, self.space.left(rows)]
+        return np.concatenate([np.zeros(2), at_rest, dropped]), np.concatenate([np.zeros(2), moving, np.zeros(dropped.size)])
 
     @functools.cached_property
     def kept_invariants(self) -> int:

@@ -58,9 +58,10 @@ def least_spectrum(matrices: np.ndarray, enough: float) -> np.ndarray:
     return found
 
 
-def beside_others(functions: Functions, run: Trajectory, met: np.ndarray) -> np.ndarray:
+def beside_others(functions: Functions, run: Trajectory, met: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sizes (nx,) of states that were as large as `met`: angles are as large as a radian, and what loops hold as much as it is beside others, so fast as
-    the fastest of it, or as what moves it, or whatever it is the rate of, by rounding in the whole run.
+    the fastest of it, or as what moves it, or whatever it is the rate of, by rounding in the whole run. And
+    sizes (rows,) of what met in constants of what is watched, at that speed.
     """
     turns, rates = turning_states(functions.space.system)
     places = np.array(functions.space.places)
@@ -71,4 +72,5 @@ def beside_others(functions: Functions, run: Trajectory, met: np.ndarray) -> np.
     sizes = np.maximum.reduce([met, turning, np.where(moving, speed, 1.0) * much])
     moved, rate = (list(column) for column in functions.integrand.copies)
     sizes[rate] = np.maximum(sizes[rate], slowest * sizes[moved])
-    return sizes
+    places_known, rates_known = functions.drawn
+    return sizes, places_known + speed * rates_known

@@ -58,11 +58,10 @@ class _Terms:
     def at(self, k: int) -> np.ndarray:
         """(rows,) at the end of step k, by states as large as they were until there, or as they are much beside others."""
         run = self._run
-        met = beside_others(self._functions, run, np.max(np.abs(run.steps.x[:, : k + 1]), axis=1))
+        met, drawn = beside_others(self._functions, run, np.max(np.abs(run.steps.x[:, : k + 1]), axis=1))
         u = inputs_at_steps(run, np.array([k]))[:, 0]
         return (
-            self._rounding(float(run.steps.t[k]), run.steps.x[:, k], u, run.problem.parameters, spread=_EPS * met) / _EPS
-            + self._functions.drawn
+            self._rounding(float(run.steps.t[k]), run.steps.x[:, k], u, run.problem.parameters, spread=_EPS * met) / _EPS + drawn
         )
 
 

@@ -236,8 +236,9 @@ def _rounding_beside(functions: Functions, run: Trajectory, k: int, met: np.ndar
     """What energies and invariants at step k change by where states are rounded as what is much beside others, and constants as what met in them."""
     t, x, p = float(run.steps.t[k]), run.steps.x[:, k], run.problem.parameters
     u = inputs_at_steps(run, np.array([k]))[:, 0]
-    found = Rounding(functions.watched)(t, x, u, p, spread=_EPS * beside_others(functions, run, met))
-    return ROUNDING * (np.nan_to_num(found) / _EPS + functions.drawn)
+    sizes, drawn = beside_others(functions, run, met)
+    found = Rounding(functions.watched)(t, x, u, p, spread=_EPS * sizes)
+    return ROUNDING * (np.nan_to_num(found) / _EPS + drawn)
 
 
 def _look_at_energy(
