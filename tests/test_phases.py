@@ -531,6 +531,33 @@ def test_similar_loops_are_searched_and_estimated_alike(kind: str) -> None:
         assert values == pytest.approx(found[0][4], rel=1e-7) and errors == pytest.approx(found[0][5], rel=1e-6)
 
 
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_how_high_who_stands_begins_follows_from_where_it_stands(size: float) -> None:
+    """A body on a rod that leans: its height is length cos(lean), said or not; the sketch has it below the ground."""
+    scene = ac.System()
+    scene.torque = ac.Input("N m")
+    scene.world, scene.rail, scene.hinge = World(gravity=(0, 0, -9.81 * size)), Prismatic("z"), Revolute("y")
+    scene.body, scene.rod = RigidBody.ball(2.0, 0.1 * size), RigidBody.rod(1.0, (0, 0, -0.9 * size))
+    scene.motor, scene.ground = TorqueSource(scene.torque), PointOnPlane(unilateral=True)
+    scene.connect(scene.world.frame, scene.rail.frame_a)
+    scene.connect(scene.rail.frame_b, scene.body.frame)
+    scene.connect(scene.rail.frame_b, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.motor.flange, scene.hinge.flange)
+    scene.connect(scene.world.frame, scene.ground.frame_a)
+    scene.connect(scene.ground.frame_b, scene.rod.tip)
+    model, found = ac.build(scene), list[float]()
+    for said in ({}, {scene.rail.q: 0.9 * size * np.cos(0.5)}):
+        over = ac.OptimalControl(model, 0.7, modes={scene.ground: "closed"})
+        over.start({scene.hinge.q: 0.5, scene.hinge.v: -1.0, **said})
+        over.end({scene.hinge.q: -0.5, scene.hinge.v: -1.0})
+        over.minimise(ac.integral(scene.torque**2))
+        best = over.solve(4, refinements=0, guesses=0)
+        assert best.x[:2, 0] == pytest.approx([0.9 * size * np.cos(0.5), 0.5], rel=1e-12)
+        found.append(best.cost)
+    assert found[0] == pytest.approx(found[1], rel=1e-9)
+
+
 @pytest.mark.parametrize(("slope", "time", "far"), [(0.0, 0.55, 0.45), (0.08, 0.55, 0.45), (-0.05, 0.7, 0.35), (0.0, 0.8, 0.45)])
 def test_gaits_on_slopes_are_found_soon_and_walk_as_planned(slope: float, time: float, far: float) -> None:
     """A guess of a step ends where the next one begins, with legs swapped; and the leg that stands leans one way and then the other below the hip, whose height goes with both: it does not leap

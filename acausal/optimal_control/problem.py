@@ -301,12 +301,12 @@ class OptimalControl:
         path += [self._limits(stage, key, value) for key, value in self._inputs.items()]
         path += [Limits(value, np.zeros(value.numel()), np.full(value.numel(), np.inf), name) for value, name in stage.bounds]
         totals = [(_total(stage, total, "bound"), low, high, name) for total, low, high, name in self._totals]
+        units = self._units(stage, begin)
         asked = Asked(
-            stage, path, here, None if self._start is None or following else begin.x, self._more_at_the_end(),
+            stage, path, here, None if self._start is None or following else self._begun(stage, begin.x, units), self._more_at_the_end(),
             _total(stage, self._cost, "minimise"), totals, controls, np.array([self._time.lower, self._time.upper]),
             np.array([[v.lower, v.upper] for v in self._geometry.values()]).reshape(-1, 2),
         )  # fmt: skip
-        units = self._units(stage, begin)
         stops = self._stops(stage, begin, units, goal, rests=asked.linear)
         return asked, stops, self._units(stage, begin, np.ptp([x for _, x in stops], axis=0))
 
@@ -388,10 +388,14 @@ class OptimalControl:
         """States (nx,) of a stop with what is closed or sticks in this mode closed: what is `said` of that part of the duration stays, as far as it can, and all else follows."""
         if not self._mode.gaps.numel():
             return x
-        told = stage.put(ca.vertcat(ca.SX(0, 1), *(stage.opened(key) for key in said)))
-        held = np.array(ca.which_depends(told, stage.unknowns[: x.size], 1, False), dtype=bool)
-        easy = np.where(held, HELD, 1.0) * units[: x.size]
+        easy = np.where(_having_to_do_with(stage, said), HELD, 1.0) * units[: x.size]
         return closed(stage, x[None, :], np.array([at]), float(self._time.guess or 1.0), self._free_guess, easy)[0]
+
+    def _begun(self, stage: Stage, x: np.ndarray, units: np.ndarray) -> np.ndarray:
+        """States (nx,) at the start with what is closed or sticks closed: what was not said follows from that, as the height of who stands."""
+        said = list(self._start or {})
+        held = _having_to_do_with(stage, said)
+        return self._closed(stage, 0.0, np.where(held, x, self._closed(stage, 0.0, x, units, said)), units, said)
 
     def _more_at_the_end(self) -> np.ndarray | None:
         """By what states (nx,) are more than at the start where the motion is periodic, NaN what drifts."""
@@ -570,6 +574,12 @@ class OptimalControl:
         )
         said = [words.format(self.name(one)) for words, own in kinds for one in own]
         return " plus ".join([*said, *(["the duration"] if cost.duration else [])])
+
+
+def _having_to_do_with(stage: Stage, said: Sequence[Expression]) -> np.ndarray:
+    """(nx,): which states stand in what is said."""
+    told = stage.put(ca.vertcat(ca.SX(0, 1), *(stage.opened(key) for key in said)))
+    return np.array(ca.which_depends(told, stage.unknowns[: stage.sizes[0]], 1, False), dtype=bool)
 
 
 def _total(stage: Stage, cost: Cost, what: str) -> Total:
