@@ -31,12 +31,11 @@ _ALIKE = 1e-6
 class Touching(AbstractJoint, AbstractContact, AbstractSeenAlong):
     """A body with the outside `shape`, fixed in frame_b, touches the `surface` fixed in frame_a in one point, on the side of its normal.
 
-    `law`: Rolling() (three velocities), RollingWithoutPivoting() (two), Sliding() (five); no multiplier. Apart(): six, and the gap is a coordinate. A shape
-    that is known by its point for each normal (Sphere, Ellipsoid, Disk, Torus, ConvexShape) has q: unit quaternion of R_ab (4, scalar first), then the
-    coordinates of the touching point on the surface. Any other (Cylinder, Cone, Revolution, ParametricSurface) has q: coordinates of that point on the shape,
-    the angle from the surface's first tangent to the shape's [rad], and its coordinates on the surface. v: angular velocity of frame_b against frame_a, in
-    frame_b (3) [rad/s], or what the law says. Only while the shape is curved more than the surface in all directions, which `domain` says. The contact can
-    pull. D. J. Montana, The kinematics of contact and grasp, Int. J. Robotics Research 7 (1988).
+    `law`: Rolling() (three velocities), RollingWithoutPivoting() (two), Sliding() (five); no multiplier. Apart(): six, and the gap is a coordinate. q of
+    Sphere, Ellipsoid, Disk, Torus, ConvexShape: unit quaternion of R_ab (4, scalar first), then the coordinates of the touching point on the surface; of
+    Cylinder, Cone, Revolution, ParametricSurface: coordinates of that point on the shape, the angle from the surface's first tangent to the shape's
+    [rad], and its coordinates on the surface. v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s], or what the law says. Only while the
+    shape is curved more than the surface in all directions, which `domain` says. It can pull. D. J. Montana, Int. J. Robotics Research 7 (1988).
 
         scene.contact = Touching(Ellipsoid((0.2, 0.1, 0.1)), Sphere(0.5))
     """
