@@ -8,8 +8,18 @@ import pytest
 from scipy.interpolate import interp1d
 
 import acausal as ac
-from acausal.errors import AccuracyWarning, SimulationError
-from components import AngleSource, ParametricCurve, Particle, PointOnCurve, Revolute, RigidBody, World
+from acausal.errors import AccuracyWarning, SimulationError, StartValueError
+from components import (
+    AngleSource,
+    HeightField,
+    ParametricCurve,
+    Particle,
+    PointOnCurve,
+    PointOnSurface,
+    Revolute,
+    RigidBody,
+    World,
+)
 
 SPEED, BEGIN = 3.0, 0.9
 
@@ -118,3 +128,13 @@ def test_a_wire_that_bends_at_once_is_told_and_one_that_curves_at_once_is_not(si
             (words,) = (str(one.message) for one in told)
             assert "'wire'" in words and "passes a corner" in words
             assert float(words.split("wire.q = ")[1].split(":")[0]) == pytest.approx(corner * size, abs=1e-8 * size)
+
+
+@pytest.mark.parametrize("law", [lambda x, y: x * y / (x**2 + y**2), lambda x, y: ca.sqrt(x - 0.5), lambda x, y: ca.log(y) + x])
+def test_a_ground_without_a_value_where_a_motion_begins_is_told_with_its_line(law) -> None:
+    scene = ac.System()
+    scene.world, scene.bead, scene.ground = World(), Particle(1.0), PointOnSurface(HeightField(law))
+    scene.connect(scene.world.frame, scene.ground.frame_a)
+    scene.connect(scene.ground.frame_b, scene.bead.point)
+    with pytest.raises(StartValueError, match=r"'ground' .*no meaning at the start.*not a number there"):
+        ac.build(scene).simulate(0.1, {scene.ground.q: (0.0, 0.0)})

@@ -25,6 +25,10 @@ APEX = "The surface has an apex there, or its coordinates a pole: no plane touch
 """Said where `AbstractSurface.regular` is zero."""
 
 
+_WITHOUT_VALUE = (ca.OP_DIV, ca.OP_INV, ca.OP_SQRT, ca.OP_LOG, ca.OP_POW, ca.OP_CONSTPOW, ca.OP_ASIN, ca.OP_ACOS, ca.OP_TAN)
+"""Operations that have no value, or no slope, at some arguments."""
+
+
 @dataclass(frozen=True)
 class Chart:
     """A surface, or most of it, by two coordinates: `point` (2, 1) -> place (3, 1) [m]; `limits` of each, infinite where it goes on; `inside` (2, 1) ->
@@ -483,7 +487,9 @@ class HeightField(AbstractSurface):
         return ca.vertcat(q, ca.substitute(self.law, self._q, q))
 
     def regular(self, q: ca.SX) -> ca.SX:
-        return ca.SX(0, 1)
+        law = ca.Function("law", [self._q], [self.law], {"allow_free": True})
+        ends = any(law.instruction_id(k) in _WITHOUT_VALUE for k in range(law.n_instructions()))
+        return ca.det(self.metric(q)) if ends else ca.SX(0, 1)
 
     def clearance(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
         height, slope = ca.substitute([self.law, ca.gradient(self.law, self._q)], [self._q], [p[:2]])
