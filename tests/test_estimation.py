@@ -21,6 +21,7 @@ from components import (
     Particle,
     Prismatic,
     Resistor,
+    Revolute,
     RigidBody,
     RotationalDamper,
     RotationalGround,
@@ -246,6 +247,35 @@ def test_a_model_that_is_not_near_its_data_is_said(swung: Any) -> None:
     t = np.linspace(0.1, 3, 30)
     with pytest.warns(AccuracyWarning, match="not near the data"):
         ac.estimate(model, {scene.hinge.q: (t, run.at(t)[scene.hinge.q], 0.01)}, [scene.length], {scene.hinge.q: 1.0})
+
+
+@pytest.mark.parametrize(("size", "said", "seed"), [(1.0, True, 0), (1e-3, True, 1), (1e3, False, 2)])
+def test_what_magnifies_errors_is_followed_from_its_beginning_on(size: float, said: bool, seed: int) -> None:
+    """A double pendulum turns over for longer than its start says where it will be: from values that are half as much again, all of it at once leads nowhere."""
+    scene: Any = ac.System()
+    scene.mass, scene.drag = ac.Parameter(1.0, "kg"), ac.Parameter(0.05 * size**1.5, "N*m*s/rad")
+    scene.world, scene.ground = World(gravity=(0, 0, -9.81)), RotationalGround()
+    scene.shoulder, scene.elbow = Revolute("y"), Revolute("y")
+    scene.upper, scene.lower = RigidBody.rod(1.0, (0, 0, -0.5 * size)), RigidBody.rod(scene.mass, (0, 0, -0.4 * size))
+    scene.bearing = RotationalDamper(scene.drag)
+    scene.connect(scene.world.frame, scene.shoulder.frame_a)
+    scene.connect(scene.shoulder.frame_b, scene.upper.frame)
+    scene.connect(scene.upper.tip, scene.elbow.frame_a)
+    scene.connect(scene.elbow.frame_b, scene.lower.frame)
+    scene.connect(scene.bearing.flange_a, scene.ground.flange)
+    scene.connect(scene.bearing.flange_b, scene.shoulder.flange)
+    model, rng = ac.build(scene), np.random.default_rng(seed)
+    a, b = scene.shoulder.q, scene.elbow.q
+    start, true = {a: 2.5, b: 1.0}, {scene.mass: 0.7, scene.drag: 0.02 * size**1.5}
+    t = np.linspace(0.02, 8, 400) * np.sqrt(size)
+    run = model.simulate(t[-1], start, parameters=true, rtol=1e-11).at(t)
+    noise = (0.01,) if said else ()
+    data = {one: (t, run[one] + 0.01 * rng.normal(size=t.size), *noise) for one in (a, b)}
+    found = ac.estimate(model, data, [scene.mass, scene.drag, a, b], start)
+    off = (found.values - [0.7, 0.02 * size**1.5, 2.5, 1.0]) / np.sqrt(np.diag(found.covariance))
+    assert np.max(np.abs(off)) < 4 and not len(found.unseen)
+    assert found.freedom == 796 and abs(found.chi2 - 796) < 5 * np.sqrt(2 * 796)
+    assert said or all(one == pytest.approx(0.01, rel=0.2) for one in found.noise.values())
 
 
 def test_what_the_data_cannot_tell_is_said() -> None:

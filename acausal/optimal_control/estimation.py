@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import warnings
 from collections.abc import Callable, Mapping, Sequence
@@ -24,6 +25,8 @@ from acausal.wording import counted
 _LOST = (SimulationError, AssemblyError, StartValueError, ParameterError)
 _FAR = 20
 """Standard deviations of chi squared, beyond which the model or the search is wrong and not the luck bad."""
+_LITTLE, _HALVES, _MANY = 0.1, 6, 2
+"""Of what data vary by: what is left of them where the search has not lost its way; how often recordings are halved to begin with; and values for each unknown, that a beginning has at least."""
 _PAUSE = 1e5
 """Times what data usually come apart: a pause that nobody means."""
 
@@ -129,7 +132,7 @@ def estimate(
     """The values of `unknowns` with which the motion is nearest to what was recorded, by least squares in standard deviations of the noise.
 
     `recordings`: data of one experiment (see `Recording`), one or several. `unknowns`: parameters, constant inputs, and variables with a value in
-    `start`, where the search begins too. Gauss-Newton with exact sensitivities in trust regions; noise that was not said by restricted maximum likelihood, of each measured
+    `start`, where the search begins too. Gauss-Newton with exact sensitivities in trust regions, from beginnings of the recordings on where all of them at once lead nowhere; noise that was not said by restricted maximum likelihood, of each measured
     expression by itself. Raises `OptionError`, and the errors of `simulate` where not even the first motion can be made.
     """
     symbols = model.functions.outputs.system.flat.symbols
@@ -153,12 +156,65 @@ def estimate(
         raise OptionError(
             "estimate: the recordings hold no finite value. Give data={scene.hinge.q: (times, values, standard deviation)}."
         )
-    groups = list(dict.fromkeys(one.name for run in runs for one in run.series if not one.noise_known))
-    series = [one for run in runs for one in run.series]
-    fit = Fit(_Runs(runs), first, _noise(series, groups, rtol))
-    found = fit.solved()
+    fit, found, series, groups = _fitted(runs, first, rtol)
+    if _is_lost(fit, series):
+        fit, found, series, groups = _from_beginnings(runs, (fit, found, series, groups), rtol)
     names = tuple(expression_name(model.functions.outputs, k) for k in keys)
     return _estimate(fit, found, tuple(keys), names, series, groups)
+
+
+_Fitted = tuple[Fit, np.ndarray, list["_Series"], list[str]]
+
+
+def _fitted(runs: Sequence[_Run], first: np.ndarray, rtol: float, known: bool = False) -> _Fitted:
+    """The nearest motions from these values on, noise of groups of data, all series, and the groups: names of what nobody said the noise of. `known`: the first values, to as much as they
+    are, where data hardly tell.
+    """
+    series = [one for run in runs for one in run.series]
+    groups = list(dict.fromkeys(one.name for one in series if not one.noise_known))
+    noise, sized = _noise(series, groups, rtol), np.flatnonzero(first) if known else np.array([], dtype=int)
+    if sized.size:
+        more = np.ones(sized.size)
+        noise = replace(noise, said=np.append(noise.said, more), groups=np.append(noise.groups, -more.astype(int)))
+    fit = Fit(_Runs(runs, sized, first), first, noise)
+    return fit, fit.solved(), series, groups
+
+
+def _is_lost(fit: Fit, series: Sequence[_Series]) -> bool:
+    """Whether what is left of something measured is much of what it varies by."""
+    at = 0
+    for one in series:
+        values = one.values[np.isfinite(one.values)]
+        rows, at = fit.seen[0][at : at + values.size], at + values.size
+        if values.size and np.linalg.norm(rows) > _LITTLE * np.linalg.norm(values - values.mean()):
+            return True
+    return False
+
+
+def _from_beginnings(runs: Sequence[_Run], lost: _Fitted, rtol: float) -> _Fitted:
+    """The same, if that is nearer: from what beginnings of the recordings say, each twice as long as the one before and from its values. A motion that small errors change much is
+    followed so from its start on, where all of it at once leads nowhere.
+    """
+    first, found = lost[0], lost[1]
+    values, motions = first.first, first.evaluations
+    for share in 0.5 ** np.arange(_HALVES, 0, -1):
+        begun = [run.until(share) for run in runs]
+        if sum(int(np.isfinite(one.values).sum()) for run in begun for one in run.series) < _MANY * values.size:
+            continue
+        try:
+            fit = _fitted(begun, values, rtol, known=True)[0]
+        except _LOST:
+            return lost
+        values, motions = fit.values, motions + fit.evaluations
+    try:
+        again = _fitted(runs, values, rtol)
+    except _LOST:
+        return lost
+    fit, noise = again[0], first.noise.of(found)
+    motions += fit.evaluations
+    nearer = again if np.linalg.norm(fit.seen[0] / noise) < np.linalg.norm(first.seen[0] / noise) else lost
+    nearer[0].evaluations = motions
+    return nearer
 
 
 def _recording(given: Any, start: Mapping[Any, Any] | None, inputs: Mapping[Any, Any] | None) -> Recording:
@@ -264,6 +320,19 @@ class _Run:
         ]
         self.times = np.unique(np.concatenate([[t0], *(one.times for one in self.series)]))
 
+    def until(self, share: float) -> _Run:
+        """The same, of the beginning alone."""
+        end = self.t0 + share * (self.times[-1] - self.t0)
+        begun = copy.copy(self)
+        cut = [(one, one.times <= end) for one in self.series]
+        begun.series = [
+            replace(one, times=one.times[there], values=one.values[there], noise=one.noise[there])
+            for one, there in cut
+            if there.any()
+        ]
+        begun.times = np.unique(np.concatenate([[self.t0], *(one.times for one in begun.series)]))
+        return begun
+
     def residuals(self, values: np.ndarray) -> Seen:
         """Model less data, and its slopes."""
         start, inputs, parameters = dict(self.start), dict(self.inputs), dict(self.parameters)
@@ -346,8 +415,10 @@ def _check_gaps(name: str, times: np.ndarray) -> None:
 class _Runs:
     """All recordings together; None where there is no such motion, but for the first values."""
 
-    def __init__(self, runs: Sequence[_Run]) -> None:
+    def __init__(self, runs: Sequence[_Run], sized: np.ndarray, first: np.ndarray) -> None:
+        """`sized`: which values are `first` as well, to as much as these are."""
         self._runs, self._begun = runs, False
+        self._sized, self._first = sized, first
 
     def __call__(self, values: np.ndarray) -> Seen | None:
         try:
@@ -357,4 +428,6 @@ class _Runs:
                 raise
             return None
         self._begun = True
+        near, own = self._first[self._sized], np.eye(values.size)[self._sized]
+        pairs.append((values[self._sized] / near - 1, own / near[:, None]))
         return np.concatenate([r for r, _ in pairs]), np.concatenate([s for _, s in pairs])

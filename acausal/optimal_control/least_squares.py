@@ -9,6 +9,8 @@ import numpy as np
 
 _UNSEEN = 1e-6
 """Singular values of the data's slopes, each of length one, below which these depend on one another, beside the tolerance of the motion."""
+_APART = 1e-4
+"""The same of rows that count alike, which are known as well as others."""
 _UNFELT = 1e-12
 """Of what others do to the data: less is rounding."""
 _SETTLED = 1e-12
@@ -73,10 +75,10 @@ class Fit:
         found = np.maximum(np.sqrt(sums / np.bincount(noise.groups[noise.groups >= 0], minlength=sums.size)), noise.least)
         alone = noise.least.size == 1 and bool(np.all(noise.groups == 0))
         for _ in range(_ROUNDS):
-            self._search(noise.of(found))
+            ends = self._search(noise.of(found))
             sums, left = noise.left(self.seen[0], self.used(found))
             before, found = found, np.maximum(np.sqrt(sums / np.maximum(left, LEFT)), noise.least)
-            if alone or np.all(np.abs(found - before) <= _KNOWN * found):
+            if alone or not ends or np.all(np.abs(found - before) <= _KNOWN * found):
                 break
         return found
 
@@ -85,8 +87,8 @@ class Fit:
         slopes = self.seen[1] / self.noise.of(noise)[:, None]
         return np.sum(_ways(slopes)[0] ** 2, axis=1)
 
-    def _search(self, noise: np.ndarray) -> None:
-        """Gauss and Newton's steps within a radius where they are to be trusted (More, The Levenberg-Marquardt algorithm, 1978), in standard errors of each unknown alone."""
+    def _search(self, noise: np.ndarray) -> bool:
+        """Gauss and Newton's steps within a radius where they are to be trusted (More, The Levenberg-Marquardt algorithm, 1978), in standard errors of each unknown alone. Whether that ends."""
         (rows, slopes), size = self._scaled(self.seen, noise), np.zeros(self.values.size)
         radius = np.inf
         for _ in range(_MOTIONS):
@@ -95,7 +97,7 @@ class Fit:
             pull = U.T @ rows
             each = rows @ rows / max(1, rows.size - s.size)
             if not pull @ pull > _SETTLED * each:
-                return
+                return True
             if radius == np.inf and np.any(self.values * size):
                 radius = float(np.linalg.norm(self.values * size))
             damping = _damping(s, pull, radius)
@@ -104,18 +106,19 @@ class Fit:
             length = float(np.linalg.norm(step))
             there = self.values + step / np.where(size > 0, size, 1.0)
             if length <= _STANDS * np.linalg.norm(self.values * size) or np.array_equal(there, self.values):
-                return
+                return True
             seen = self._tried(there)
             new = None if seen is None else self._scaled(seen, noise)
             gained = -np.inf if new is None else float(rows @ rows - new[0] @ new[0])
             if not gained > 0 and foretold <= _VAIN * max(each, 1.0):
-                return
+                return True
             if not gained > 0.25 * foretold:
                 radius = 0.25 * length
             elif gained > 0.75 * foretold and length > 0.95 * radius:
                 radius *= 2
             if seen is not None and new is not None and gained > 0:
                 self.values, self.seen, (rows, slopes) = there, seen, new
+        return False
 
     @staticmethod
     def _scaled(seen: Seen, noise: np.ndarray) -> Seen:
@@ -127,7 +130,7 @@ class Fit:
         size, felt = self._sizes(slopes)
         _, s, V = np.linalg.svd(np.linalg.qr(np.where(felt, slopes * size, 0.0), mode="r"))
         s = np.append(s, np.zeros(values.size - s.size))
-        seen = s > _UNSEEN
+        seen = (s > _UNSEEN) | _are_apart(slopes * size)
         weights = np.where(seen, 1.0 / np.where(seen, s, 1.0) ** 2, 0.0)
         covariance = (V.T * weights) @ V * size * size[:, None]
         touched = np.any(np.abs(V[~seen]) > 1e-3, axis=0)
@@ -148,8 +151,21 @@ def _ways(slopes: np.ndarray, size: np.ndarray | None = None) -> tuple[np.ndarra
     much = np.linalg.norm(slopes, axis=0) if size is None else size
     scaled = slopes / np.where(much > 0, much, 1.0)
     U, s, V = np.linalg.svd(scaled, full_matrices=False)
-    seen = s > _UNSEEN * np.max(np.linalg.norm(scaled, axis=0))
+    seen = (s > _UNSEEN * np.max(np.linalg.norm(scaled, axis=0))) | _are_apart(scaled)
     return U[:, seen], s[seen], V[seen].T
+
+
+def _are_apart(slopes: np.ndarray) -> bool:
+    """Whether no column of (m, n) depends on others by what each row says alone: of a motion that magnifies errors the last rows are so large that the first ones, which tell more, are
+    nothing beside them.
+    """
+    length = np.linalg.norm(slopes, axis=1, keepdims=True)
+    rows = slopes / np.where(length > 0, length, 1.0)
+    size = np.linalg.norm(rows, axis=0)
+    if not (size > 0).all():
+        return False
+    s = np.linalg.svd(rows / size, compute_uv=False)
+    return s.size == slopes.shape[1] and bool(s[-1] > _APART)
 
 
 def _damping(s: np.ndarray, pull: np.ndarray, radius: float) -> float:
