@@ -36,6 +36,7 @@ from tests.exported import (
     Instance,
     Library,
     command,
+    compile_quickly,
     program,
 )
 from tests.test_sensitivity import AdjustableFourBar
@@ -364,16 +365,19 @@ def test_the_instances_compile_without_a_warning_as_c11_too():
 def test_the_examples_in_the_docs_run(tmp_path, monkeypatch):
     """In C and in Python, from the text of docs/export.md; the motion is that of the package."""
     text = (Path(__file__).parents[1] / "docs" / "export.md").read_text(encoding="utf-8")
-    (scene, ours), (example, *_) = (
+    (scene, ours, unit), (example, *_) = (
         re.findall(r"```python\n(.*?)```", text, re.DOTALL),
         re.findall(r"```c\n(.*?)```", text, re.DOTALL),
     )
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("MAKEFLAGS", r"-- CFLAGS=-O0\ -march=native\ -ffp-contract=off\ -fno-math-errno\ -Wno-psabi")
     names: dict[str, Any] = {}
-    exec(scene + ours, names)
+    compile_quickly(monkeypatch)
+    exec(scene + ours + unit, names)
     run = names["model"].simulate(2.0, {names["scene"].shoulder.q: 0.6}, method="gauss", rtol=1e-8)
     assert names["status"] == SUCCESS and abs(names["angle"] - run.x[0, -1]) < 1e-13
+    heavy = names["model"].simulate(2.0, {names["scene"].shoulder.q: 0.3}, parameters={names["scene"].mass: 2.0}, rtol=1e-8)
+    assert abs(names["found"]["tip[2]"][-1] - heavy[names["scene"].upper.tip.position][-1, 2]) < 1e-6
     Path("arm/use.c").write_text(example)
     line = [*command(), *WARNINGS, *FLAGS, "-o", "use", "use.c", "arm.o", "model.o", "runtime.o", "-lm"]
     subprocess.run(line, cwd="arm", check=True)
