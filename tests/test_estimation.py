@@ -298,6 +298,21 @@ def test_what_the_data_cannot_tell_is_said() -> None:
     assert "no data sees this change: +0.71 of mass, +0.71 of stiffness" in str(found).replace("-0.71", "+0.71")
 
 
+def test_what_moves_nothing_leaves_the_errors_of_others_as_they_are() -> None:
+    """The mass of a rod on a hinge, which swings alike with any."""
+    scene: Any = ac.System()
+    scene.mass, scene.world, scene.hinge = ac.Parameter(1.0, "kg"), World(gravity=(0, 0, -9.81)), Revolute("y")
+    scene.rod = RigidBody.rod(scene.mass, (0, 0, -0.5))
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    model, q, t = ac.build(scene), scene.hinge.q, np.linspace(0, 1, 20)
+    data = {q: (t, model.simulate(1.0, {q: 0.5}, rtol=1e-11).at(t)[q], 0.01)}
+    alone = ac.estimate(model, data, [q], {q: 0.4})
+    found = ac.estimate(model, data, [scene.mass, q], {q: 0.4})
+    assert np.isinf(found.standard_error(scene.mass)) and found.freedom == alone.freedom == 19
+    assert found.standard_error(q) == pytest.approx(alone.standard_error(q), rel=1e-6)
+
+
 @pytest.mark.parametrize(
     ("data", "unknowns", "words"),
     [

@@ -130,7 +130,7 @@ class Fit:
         size, felt = self._sizes(slopes)
         _, s, V = np.linalg.svd(np.linalg.qr(np.where(felt, slopes * size, 0.0), mode="r"))
         s = np.append(s, np.zeros(values.size - s.size))
-        seen = (s > _UNSEEN) | _are_apart(slopes * size)
+        seen = (s > _UNSEEN) | (felt.all() and _are_apart(slopes * size))
         weights = np.where(seen, 1.0 / np.where(seen, s, 1.0) ** 2, 0.0)
         covariance = (V.T * weights) @ V * size * size[:, None]
         touched = np.any(np.abs(V[~seen]) > 1e-3, axis=0)
