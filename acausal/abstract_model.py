@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from acausal.analysis.inverse_dynamics import InverseDynamics
     from acausal.analysis.linearize import Linearization
     from acausal.analysis.prescribed import Given
+    from acausal.export.simulator import Beginning
     from acausal.simulate.sensitivity import Sensitivities, TrajectoryFunction, Wanted
     from acausal.simulate.simulation import Options, Progress
     from acausal.simulate.trajectory import Trajectory
@@ -365,20 +366,7 @@ class AbstractModel(ABC):
         """
         from acausal.export.simulator import export_simulator
 
-        at = self._situation(start, None, inputs, parameters)
-        here = self._decided.at(at.p)
-        initial = self._initial(here, at)
-        signal = at.signal(here.functions)
-        return export_simulator(
-            here.functions,
-            folder,
-            initial,
-            name=name,
-            outputs=outputs,
-            events=events,
-            inputs=signal,
-            discretes=at.discretes(here.functions),
-        )
+        return export_simulator(folder, self._beginning(start, parameters, inputs), name=name, outputs=outputs, events=events)
 
     def export_fmu(
         self,
@@ -397,8 +385,12 @@ class AbstractModel(ABC):
         """
         from acausal.export.fmu import export_fmu
 
+        return export_fmu(path, self._beginning(start, parameters, inputs), outputs=outputs, events=events)
+
+    def _beginning(self, start: StartValues | None, parameters: ParameterValues | None, inputs: InputValues | None) -> Beginning:
+        """What a motion that leaves the package begins with."""
+        from acausal.export.simulator import Beginning
+
         at = self._situation(start, None, inputs, parameters)
         here = self._decided.at(at.p)
-        initial, signal = self._initial(here, at), at.signal(here.functions)
-        discretes = at.discretes(here.functions)
-        return export_fmu(here.functions, path, initial, outputs=outputs, events=events, inputs=signal, discretes=discretes)
+        return Beginning(here.functions, self._initial(here, at), at.signal(here.functions), at.discretes(here.functions))

@@ -14,18 +14,13 @@ from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
-import numpy as np
-
 from acausal.arguments import path_of
-from acausal.collocation.inputs import Inputs
 from acausal.emit.compiler import compiler, run_compiler, run_compilers
 from acausal.emit.library import FLAGS, suffix, variants
 from acausal.errors import ExportError
-from acausal.export.simulator import export_simulator
+from acausal.export.simulator import Beginning, export_simulator
 from acausal.language.expression import Expression
 from acausal.language.when import when
-from acausal.outputs.functions import Functions
-from acausal.start.initial import InitialState
 
 GLUE = Path(__file__).resolve().parent / "unit" / "fmi2.c"
 """The interface around instances of an exported simulator."""
@@ -35,14 +30,7 @@ _DATE = (1980, 1, 1, 0, 0, 0)
 
 
 def export_fmu(
-    model: Functions,
-    path: str | Path,
-    initial: InitialState,
-    *,
-    outputs: Mapping[str, Expression] | None = None,
-    events: Sequence[when] = (),
-    inputs: Inputs,
-    discretes: np.ndarray | None = None,
+    path: str | Path, motion: Beginning, *, outputs: Mapping[str, Expression] | None = None, events: Sequence[when] = ()
 ) -> Path:
     """Write a unit, with its sources, compiled for the kind of machine that it is written on; see `export_simulator`.
 
@@ -59,14 +47,12 @@ def export_fmu(
         )
     with tempfile.TemporaryDirectory(prefix="acausal-") as scratch:
         sources = Path(scratch) / "sources"
-        export_simulator(
-            model, sources, initial, name=target.stem, outputs=outputs, events=events, inputs=inputs, discretes=discretes
-        )
+        export_simulator(sources, motion, name=target.stem, outputs=outputs, events=events)
         guid = _guid(sources)
         glue = GLUE.read_text(encoding="utf-8").replace("simulator", target.stem).replace("SIMULATOR", target.stem.upper())
         (sources / GLUE.name).write_text(glue.replace("{guid}", guid), encoding="utf-8")
-        given = [name for name, course in zip(model.input_names, inputs.courses, strict=True) if callable(course)]
-        found = len(model.outputs.system.flat.parameters)
+        given = [name for name, course in zip(motion.model.input_names, motion.inputs.courses, strict=True) if callable(course)]
+        found = len(motion.model.outputs.system.flat.parameters)
         description = _description(
             target.stem, guid, json.loads((sources / "model.json").read_text(encoding="utf-8")), given, found
         )

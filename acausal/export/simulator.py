@@ -8,7 +8,7 @@ import json
 import math
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -61,24 +61,33 @@ Makefile, CMakeLists.txt  program and library
 """
 
 
+@dataclass(frozen=True, eq=False)
+class Beginning:
+    """A motion of a `model` from `initial` on, with the values of its parameters. `inputs`: numbers, tables and formulas of time. `discretes`: values that what parts remember begins with;
+    no number where they follow from the start.
+    """
+
+    model: Functions
+    initial: InitialState
+    inputs: Inputs
+    discretes: np.ndarray | None = None
+
+
 def export_simulator(
-    model: Functions,
     folder: str | Path,
-    initial: InitialState,
+    motion: Beginning,
     *,
     name: str = "simulator",
     outputs: Mapping[str, Expression] | None = None,
     events: Sequence[when] = (),
-    inputs: Inputs,
-    discretes: np.ndarray | None = None,
 ) -> Path:
     """Write a simulator in C (main.c, simulator.h, model.c, ...), model.json and README.txt with a build line into a folder of its own.
 
-    `initial`: what it starts from, with the values of its parameters. `name`: an identifier that all its names begin with, and its header.
-    `outputs`: expressions of the scene's variables that it computes, by names. `events`: zeros that it looks for; places where a part has no meaning any more follow them, and end the motion. `inputs`: numbers, tables and formulas
-    of time. `discretes`: values that what parts remember begins with; no number where they follow from the start. The numbers are those of `model.simulate`, to the bit where lanes are the same. Raises `ExportError` for functions that have no C, inputs that
+    `name`: an identifier that all its names begin with, and its header. `outputs`: expressions of the scene's variables that it computes, by names. `events`: zeros that it looks for; places
+    where a part has no meaning any more follow them, and end the motion. The numbers are those of `model.simulate`, to the bit where lanes are the same. Raises `ExportError` for functions that have no C, inputs that
     are functions of Python, a name that is no identifier, and when a file cannot be written.
     """
+    model, initial, inputs = motion.model, motion.initial, motion.inputs
     target, named_by = path_of(folder, "export_simulator: the folder"), model.outputs.system.flat.symbols
     known = dictionary({} if outputs is None else outputs, "outputs", '{"angle": scene.hinge.q}')
     outputs = {key: named_by(value) for key, value in known.items()}
@@ -103,7 +112,7 @@ def export_simulator(
 
     texts = {named(file): named(text) for file, text in templates.items()}
     texts |= {
-        "model.c": model_c(model, title, kinds, start, outputs, events, inputs, discretes),
+        "model.c": model_c(model, title, kinds, start, outputs, events, inputs, motion.discretes),
         "assembly.h": start_c(start, f"{name}_hidden_"),
         "methods.h": methods_c(),
         "model.json": json.dumps(_facts(title, kinds), indent=2),

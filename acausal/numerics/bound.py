@@ -3,11 +3,21 @@
 from __future__ import annotations
 
 import threading
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, cast
 
 import casadi as ca
 import numpy as np
+
+
+def bound(function: ca.Function, given: Sequence[np.ndarray], told: Sequence[np.ndarray]) -> tuple[Callable[[], None], object]:
+    """A call that reads its arguments from `given` and writes stored entries of its results to `told`, and what has to live as long as it is called."""
+    buffer, run = cast(Any, function.buffer())  # CasADi's stub leaves the size argument out
+    for k, array in enumerate(given):
+        buffer.set_arg(k, array.data)
+    for k, array in enumerate(told):
+        buffer.set_res(k, array.data)
+    return run, (function, buffer, *given, *told)
 
 
 class BoundFunction:
@@ -17,15 +27,9 @@ class BoundFunction:
     """
 
     def __init__(self, function: ca.Function, arguments: Sequence[np.ndarray], result: np.ndarray) -> None:
-        function = dense(function)
-        buffer, run = cast(Any, function.buffer())  # CasADi's stub leaves the size argument out
-        for i, array in enumerate(arguments):
-            buffer.set_arg(i, array.data)
-        buffer.set_res(0, result.data)
         self.result = result
-        self.run = run
         self.arguments = tuple(arguments)
-        self._alive = (function, buffer)  # their addresses are in use
+        self.run, self._alive = bound(dense(function), arguments, [result])
 
     @staticmethod
     def of(function: ca.Function) -> BoundFunction:

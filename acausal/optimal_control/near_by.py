@@ -5,12 +5,10 @@ Hintermueller, Ito and Kunisch: The primal-dual active set strategy as a semismo
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.bound import bound
 from acausal.optimal_control.separable import Program
 
 _STEPS = 8
@@ -39,9 +37,10 @@ class NearBy:
         self._local = [np.zeros(here.nnz_out(k)) for k in range(here.n_out())]
         self._held = [np.zeros(size) for size in (n, m, n, m)]
         self._after = [np.zeros(n + m), np.zeros(n + m)]
-        self.look = _bound(here, self._at, self._local)
+        self.look, looks = bound(here, self._at, self._local)
         """Evaluates all derivatives where it came last."""
-        self._go = _bound(step, [*self._local, *self._held, *self._at], self._after)
+        self._go, goes = bound(step, [*self._local, *self._held, *self._at], self._after)
+        self._alive = looks, goes
 
     def __call__(self, w: np.ndarray, of_bounds: np.ndarray, of_rows: np.ndarray, bounds: np.ndarray) -> Solved | None:
         n, (lower, upper) = self._program.size, np.hstack([bounds, self._program.limits])
@@ -78,23 +77,6 @@ class NearBy:
         matrix = self._matrix(*self._local[2:], *self._held[:2])
         self._pivots.nfact(matrix)
         return self._pivots.neig(matrix) == self._program.rows
-
-
-def _bound(function: ca.Function, given: Sequence[np.ndarray], told: Sequence[np.ndarray]) -> Callable[[], None]:
-    """A call that reads from and writes to these arrays, which live as long as it does."""
-    buffer: Any
-    buffer, run = function.buffer()
-    for k, column in enumerate(given):
-        buffer.set_arg(k, column.data)
-    for k, column in enumerate(told):
-        buffer.set_res(k, column.data)
-    kept = buffer, given, told
-
-    def call() -> None:
-        if kept:
-            run()
-
-    return call
 
 
 def _functions(program: Program) -> tuple[ca.Function, ca.Function, ca.Function]:

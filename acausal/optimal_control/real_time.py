@@ -11,6 +11,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import OptionError
+from acausal.numerics.bound import bound
 from acausal.optimal_control.optimum import Optimum
 from acausal.optimal_control.separable import Program
 
@@ -34,13 +35,9 @@ class RealTime:
         nx = best.transcribed.asked.stage.sizes[0]
         self._nx = nx
         self._function = self._made(best, program, _shift(best, rate), solver, options)
-        buffer: Any
-        buffer, self._trigger = self._buffer = self._function.buffer()
         self._in = np.zeros(program.size), np.zeros(nx)
         self._out = np.zeros(program.size), np.zeros(1)
-        for k in range(2):
-            buffer.set_arg(k, memoryview(self._in[k]))  # pyright: ignore[reportArgumentType]  # arrays are buffers
-            buffer.set_res(k, memoryview(self._out[k]))  # pyright: ignore[reportArgumentType]
+        self._trigger, self._alive = bound(self._function, self._in, self._out)
 
     def __call__(self, w: np.ndarray, state: np.ndarray) -> np.ndarray | None:
         self._in[0][:], self._in[1][:] = w, state

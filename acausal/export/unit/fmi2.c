@@ -54,7 +54,6 @@ typedef struct {
 } Block;
 
 typedef struct {
-    simulator_instance *motion; /* that of the block */
     Block block;
     simulator_options options;
     struct course course;
@@ -105,10 +104,9 @@ static fmi2Status remake(Unit *u, const simulator_options *options) {
     Block block = new_block(&u->callbacks, options);
     if (!block.motion) return failed(u, fmi2Error, simulator_mistake(options) ? simulator_mistake(options) : "There is not enough memory.");
     for (simulator_kind kind = SIMULATOR_INPUT; kind <= SIMULATOR_CONDITION; kind++)
-        for (long i = 0; i < simulator_count(kind); i++) simulator_set(block.motion, kind, i, simulator_get(u->motion, kind, i));
+        for (long i = 0; i < simulator_count(kind); i++) simulator_set(block.motion, kind, i, simulator_get(u->block.motion, kind, i));
     give_back(&u->callbacks, u->block.memory);
     u->block = block;
-    u->motion = block.motion;
     u->options = *options;
     return fmi2OK;
 }
@@ -125,8 +123,8 @@ static int found(fmi2ValueReference reference, simulator_kind *kind, long *i) {
 
 static fmi2Status begin(Unit *u) {
     if (u->course.begun) return fmi2OK;
-    simulator_set_end(u->motion, u->course.stop);
-    if (simulator_start(u->motion, u->course.start) != SIMULATOR_SUCCESS) return failed(u, fmi2Error, simulator_message(u->motion));
+    simulator_set_end(u->block.motion, u->course.stop);
+    if (simulator_start(u->block.motion, u->course.start) != SIMULATOR_SUCCESS) return failed(u, fmi2Error, simulator_message(u->block.motion));
     u->course.begun = 1;
     return fmi2OK;
 }
@@ -162,8 +160,7 @@ FMI2 fmi2Component fmi2Instantiate(fmi2String name, fmi2Type type, fmi2String gu
     u->course = fresh();
     const char *wrong = type != fmi2CoSimulation ? "This unit is for co-simulation only." : !guid || strcmp(guid, GUID) ? "modelDescription.xml is that of another unit." : 0;
     if (!wrong) u->block = new_block(callbacks, &u->options);
-    u->motion = u->block.motion;
-    if (u->motion) return u;
+    if (u->block.motion) return u;
     failed(u, fmi2Error, wrong ? wrong : "There is not enough memory.");
     give_back(callbacks, u);
     return 0;
@@ -216,7 +213,7 @@ FMI2 fmi2Status fmi2Terminate(fmi2Component c) {
 FMI2 fmi2Status fmi2Reset(fmi2Component c);
 FMI2 fmi2Status fmi2Reset(fmi2Component c) {
     Unit *u = (Unit *)c;
-    simulator_reset(u->motion);
+    simulator_reset(u->block.motion);
     u->course = fresh();
     return fmi2OK;
 }
@@ -229,7 +226,7 @@ FMI2 fmi2Status fmi2GetReal(fmi2Component c, const fmi2ValueReference vr[], size
         long i;
         if (!found(vr[k], &kind, &i)) return failed(u, fmi2Error, "There is no variable with this value reference.");
         if (u->course.phase == INITIALISING && begin(u) != fmi2OK) return fmi2Error;
-        value[k] = simulator_get(u->motion, kind, i);
+        value[k] = simulator_get(u->block.motion, kind, i);
     }
     return fmi2OK;
 }
@@ -242,9 +239,9 @@ FMI2 fmi2Status fmi2SetReal(fmi2Component c, const fmi2ValueReference vr[], size
         simulator_kind kind;
         long i;
         if (!found(vr[k], &kind, &i)) return failed(u, fmi2Error, "There is no variable with this value reference.");
-        if (value[k] == simulator_get(u->motion, kind, i)) continue; /* no new piece of the motion */
+        if (value[k] == simulator_get(u->block.motion, kind, i)) continue; /* no new piece of the motion */
         int is_given = kind == SIMULATOR_INPUT || kind == SIMULATOR_PARAMETER || (kind == SIMULATOR_CONDITION && begins);
-        if (!is_given || !isfinite(value[k]) || simulator_set(u->motion, kind, i, value[k]) != SIMULATOR_SUCCESS) {
+        if (!is_given || !isfinite(value[k]) || simulator_set(u->block.motion, kind, i, value[k]) != SIMULATOR_SUCCESS) {
             char message[400];
             snprintf(message, sizeof message, "%.200s cannot be set to %g%s.", simulator_name(kind, i), value[k], is_given ? "" : " now");
             return failed(u, fmi2Error, message);
@@ -265,13 +262,13 @@ FMI2 fmi2Status fmi2DoStep(fmi2Component c, fmi2Real from, fmi2Real step, fmi2Bo
     if (!(step >= 0)) return failed(u, fmi2Error, "A step cannot go back.");
     if (to > u->course.stop) { /* as much further as rounding says, or as whoever asks for it */
         u->course.stop = to;
-        simulator_set_end(u->motion, to);
+        simulator_set_end(u->block.motion, to);
     }
-    do status = simulator_advance(u->motion, to);
+    do status = simulator_advance(u->block.motion, to);
     while (status == SIMULATOR_AT_EVENT);
     if (status == SIMULATOR_SUCCESS) return fmi2OK;
     u->course.stopped = status == SIMULATOR_STOPPED;
-    return u->course.stopped ? fmi2Discard : failed(u, fmi2Error, simulator_message(u->motion));
+    return u->course.stopped ? fmi2Discard : failed(u, fmi2Error, simulator_message(u->block.motion));
 }
 
 FMI2 fmi2Status fmi2CancelStep(fmi2Component c);
@@ -287,7 +284,7 @@ FMI2 fmi2Status fmi2GetStatus(fmi2Component c, const fmi2StatusKind kind, fmi2St
 FMI2 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value);
 FMI2 fmi2Status fmi2GetRealStatus(fmi2Component c, const fmi2StatusKind kind, fmi2Real *value) {
     if (kind != fmi2LastSuccessfulTime) return fmi2Discard;
-    *value = simulator_time(((const Unit *)c)->motion);
+    *value = simulator_time(((const Unit *)c)->block.motion);
     return fmi2OK;
 }
 
@@ -335,14 +332,14 @@ FMI2 fmi2Status fmi2GetFMUstate(fmi2Component c, fmi2FMUstate *state) {
         *state = kept;
     }
     kept->course = u->course;
-    return simulator_restore(kept->block.motion, u->motion) == SIMULATOR_SUCCESS ? fmi2OK : failed(u, fmi2Error, "This state is that of a unit with another tolerance.");
+    return simulator_restore(kept->block.motion, u->block.motion) == SIMULATOR_SUCCESS ? fmi2OK : failed(u, fmi2Error, "This state is that of a unit with another tolerance.");
 }
 
 FMI2 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state);
 FMI2 fmi2Status fmi2SetFMUstate(fmi2Component c, fmi2FMUstate state) {
     Unit *u = (Unit *)c;
     const Kept *kept = (const Kept *)state;
-    if (!kept || simulator_restore(u->motion, kept->block.motion) != SIMULATOR_SUCCESS) return failed(u, fmi2Error, "This state is that of a unit with another tolerance.");
+    if (!kept || simulator_restore(u->block.motion, kept->block.motion) != SIMULATOR_SUCCESS) return failed(u, fmi2Error, "This state is that of a unit with another tolerance.");
     u->course = kept->course;
     return fmi2OK;
 }
