@@ -16,12 +16,12 @@ import numpy as np
 
 import acausal as ac
 from benchmarks.optimal_control import (
-    _ASIDE,
+    ASIDE,
     HEAD,
     Row,
     Textbook,
-    _by_hand_options,
     arm,
+    by_hand_options,
     cart_pole,
     cart_pole_by_hand,
     functions_of,
@@ -53,7 +53,7 @@ def by_rockit(textbook: Textbook, part: Any, intervals: int) -> Row:
     ocp.set_initial(x, ca.vertcat(*guessed[:n]))
     ocp.set_initial(u, ca.vertcat(*guessed[-nu:]))
     ocp.set_value(begin, textbook.start)
-    ocp.solver("ipopt", {"print_time": False, **{f"ipopt.{key}": value for key, value in _by_hand_options(warm=False).items()}})
+    ocp.solver("ipopt", {"print_time": False, **{f"ipopt.{key}": value for key, value in by_hand_options(warm=False).items()}})
     ocp.method(rockit.DirectCollocation(N=intervals, degree=3, scheme="radau"))
     _, build = timed(ocp.transcribe)
     found, first = timed(ocp.solve)
@@ -61,8 +61,8 @@ def by_rockit(textbook: Textbook, part: Any, intervals: int) -> Row:
     cost, iterations = float(found.sol.value(opti.f)), int(opti.stats()["iter_count"])
     for one in (opti.x, opti.lam_g):
         opti.set_initial(one, found.sol.value(one))
-    opti.set_value(opti.p, textbook.start + np.where(np.arange(n) < n // 2, _ASIDE, 0.0))
-    opti.solver("ipopt", {"print_time": False}, _by_hand_options(warm=True, monotone=True))
+    opti.set_value(opti.p, textbook.start + np.where(np.arange(n) < n // 2, ASIDE, 0.0))
+    opti.solver("ipopt", {"print_time": False}, by_hand_options(warm=True, monotone=True))
     opti.solve()  # makes its functions
     seconds, stats = least(opti.solve)[1], opti.stats()
     return Row("rockit", cost, build, first, iterations, seconds, int(stats["iter_count"]), functions_of(stats))
@@ -111,7 +111,7 @@ def by_crocoddyl(intervals: int) -> tuple[Row, float]:
     cost = sum(h * float(np.sum((u / most) ** 2)) for u in solver.us)
     aside = float(np.max(np.abs(solver.xs[-1] - last)))
     xs, us = [x.copy() for x in solver.xs], [u.copy() for u in solver.us]
-    problem.x0 = first + np.append(np.full(6, _ASIDE), np.zeros(6))
+    problem.x0 = first + np.append(np.full(6, ASIDE), np.zeros(6))
     _, warm = least(lambda: solver.solve([problem.x0, *xs[1:]], us, 1000, False))
     return Row("crocoddyl", cost, build, seconds, iterations, warm, int(solver.iter), float("nan")), aside
 

@@ -35,7 +35,7 @@ from components import (
 )
 from examples.control.robot_arm import END, START, TORQUES, Arm
 
-_ASIDE, _REPEAT = 0.01, 5
+ASIDE, _REPEAT = 0.01, 5
 _RADAU = ca.collocation_points(3, "radau")
 
 
@@ -172,7 +172,7 @@ def ours(make: Callable[[], ac.OptimalControl], intervals: int) -> tuple[Row, Pa
     iterations = int(solver.stats()["iter_count"])
     near, bounds = NearBy(program), program.bounds.copy()
     nq = part.asked.stage.functions.space.nq
-    bounds[:, :nq] += _ASIDE / part.units[:nq]
+    bounds[:, :nq] += ASIDE / part.units[:nq]
     w, of_bounds, of_rows = (np.array(found[name]).ravel() for name in ("x", "lam_x", "lam_g"))
     solved, seconds = least(lambda: near(np.clip(w, *bounds), of_bounds, of_rows, bounds))
     steps, once = solved[3], least(near.look)[1]
@@ -207,7 +207,7 @@ def by_hand(textbook: Textbook, part: Part, build_before: float) -> Row:
         values = part.guess.at(np.append(0.0, part.mesh.points.ravel()))
         opti.set_initial(X, values[:, :n].T)
         opti.set_initial(U, values[1:, values.shape[1] - nu :].T)
-        opti.solver("ipopt", {"print_time": False}, _by_hand_options(warm=False))
+        opti.solver("ipopt", {"print_time": False}, by_hand_options(warm=False))
         return opti, X, U, begin
 
     (opti, X, U, begin), build = timed(built)
@@ -215,11 +215,11 @@ def by_hand(textbook: Textbook, part: Part, build_before: float) -> Row:
     iterations, cost = int(opti.stats()["iter_count"]), float(found.value(opti.f))
     for one in (X, U, opti.lam_g):
         opti.set_initial(one, found.value(one))
-    aside = np.where(np.arange(n) < n // 2, _ASIDE, 0.0)
+    aside = np.where(np.arange(n) < n // 2, ASIDE, 0.0)
     opti.set_value(begin, textbook.start + aside)
     tries: list[tuple[float, dict[str, Any]]] = []
     for monotone in (False, True):  # either is the quicker one of some problem
-        opti.solver("ipopt", {"print_time": False}, _by_hand_options(warm=True, monotone=monotone))
+        opti.solver("ipopt", {"print_time": False}, by_hand_options(warm=True, monotone=monotone))
         opti.solve()  # makes its functions
         tries.append((least(opti.solve)[1], opti.stats()))
     seconds, stats = min(tries, key=lambda one: one[0])
@@ -235,7 +235,7 @@ def by_hand(textbook: Textbook, part: Part, build_before: float) -> Row:
     )
 
 
-def _by_hand_options(*, warm: bool, monotone: bool = False) -> dict[str, Any]:
+def by_hand_options(*, warm: bool, monotone: bool = False) -> dict[str, Any]:
     """The same tolerances and start; the scaling and linear algebra of ipopt as they are usually."""
     found = ipopt_options(warm=warm, known=warm)
     if monotone:

@@ -439,8 +439,8 @@ def test_what_swaps_begins_where_the_other_ended() -> None:
     assert x[:, 0] == pytest.approx(x[[1, 0, 3, 2], -1], abs=1e-8)
 
 
-def rod_that_swings_over(length: float, mass: float, time: float) -> ac.Phases:
-    """A rod below a body on a vertical rail, its tip on the ground: all lengths, masses and times are so many times those of one."""
+def on_a_rod(length: float, mass: float, time: float) -> ac.System:
+    """A body on a vertical rail, a rod below it, its tip on the ground: all lengths, masses and times are so many times those of one."""
     scene = ac.System()
     scene.torque = ac.Input("N m")
     scene.world, scene.rail, scene.hinge = World(gravity=(0, 0, -9.81 * length / time**2)), Prismatic("z"), Revolute("y")
@@ -453,6 +453,12 @@ def rod_that_swings_over(length: float, mass: float, time: float) -> ac.Phases:
     scene.connect(scene.motor.flange, scene.hinge.flange)
     scene.connect(scene.world.frame, scene.ground.frame_a)
     scene.connect(scene.ground.frame_b, scene.rod.tip)
+    return scene
+
+
+def rod_that_swings_over(length: float, mass: float, time: float) -> ac.Phases:
+    """To the other side, over and over."""
+    scene = on_a_rod(length, mass, time)
     over = ac.OptimalControl(ac.build(scene), 0.7 * time, modes={scene.ground: "closed"})
     over.start({scene.hinge.q: ac.free(0.4, 0.6, 0.48), scene.hinge.v: ac.free()})
     over.minimise(ac.integral(scene.torque**2))
@@ -534,18 +540,7 @@ def test_similar_loops_are_searched_and_estimated_alike(kind: str) -> None:
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
 def test_how_high_who_stands_begins_follows_from_where_it_stands(size: float) -> None:
     """A body on a rod that leans: its height is length cos(lean), said or not; the sketch has it below the ground."""
-    scene = ac.System()
-    scene.torque = ac.Input("N m")
-    scene.world, scene.rail, scene.hinge = World(gravity=(0, 0, -9.81 * size)), Prismatic("z"), Revolute("y")
-    scene.body, scene.rod = RigidBody.ball(2.0, 0.1 * size), RigidBody.rod(1.0, (0, 0, -0.9 * size))
-    scene.motor, scene.ground = TorqueSource(scene.torque), PointOnPlane(unilateral=True)
-    scene.connect(scene.world.frame, scene.rail.frame_a)
-    scene.connect(scene.rail.frame_b, scene.body.frame)
-    scene.connect(scene.rail.frame_b, scene.hinge.frame_a)
-    scene.connect(scene.hinge.frame_b, scene.rod.frame)
-    scene.connect(scene.motor.flange, scene.hinge.flange)
-    scene.connect(scene.world.frame, scene.ground.frame_a)
-    scene.connect(scene.ground.frame_b, scene.rod.tip)
+    scene = on_a_rod(size, 1.0, 1.0)
     model, found = ac.build(scene), list[float]()
     for said in ({}, {scene.rail.q: 0.9 * size * np.cos(0.5)}):
         over = ac.OptimalControl(model, 0.7, modes={scene.ground: "closed"})
