@@ -206,7 +206,7 @@ static int find_delays(Integrator *I, long row, double planned) {
     if (!rate_at(I, I->t, I->x, T->flow)) return 0;
     for (long i = 0; i < I->nx; i++) x[i] = I->x[i] - little * T->flow[i];
     if (!find_slopes(I, I->t - little, x, little, earlier) || !find_slopes(I, I->t, I->x, little, slopes) || !rows_at(I, I->t, I->x)) return 0;
-    if (row < first_set(I) && T->one_row[row] - little * slopes[row] < -MET * T->row_noise[row]) return 1; /* it has not come to zero, but jumped there when something else did */
+    if (row < first_set(I) && T->one_row[row] - little * slopes[row] < -MET * T->row_noise[row]) return 1; /* it has not come to zero, but jumped there when something else did; the side of what sets has gone over by now */
     if (!weigh_rows(I, row)) return 0;
     double slope = 0, before = 0, noise = 0;
     for (long r = 0; r < I->mode_rows; r++) {
