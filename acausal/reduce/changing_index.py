@@ -109,11 +109,14 @@ class Valves:
 
     def open_by(self, found: ca.SX) -> ca.SX:
         """(v, 1): what these reactions (n, 1) leave open, where units are far apart."""
-        return self.holds * ca.substitute(self.P @ self.y + self.Q @ self.y_dot, self.reactions, ca.densify(found))
+        return self.holds * self._by(self.P @ self.y + self.Q @ self.y_dot, found)
+
+    def _by(self, value: ca.SX, found: ca.SX) -> ca.SX:
+        return ca.substitute(value, self.reactions, ca.densify(found))
 
     def guards(self, found: ca.SX) -> list[ca.SX]:
         """By these reactions (n, 1)."""
-        apart = ca.substitute(self.y, self.reactions, ca.densify(found))
+        apart = self._by(self.y, found)
         return [
             (1 - self.holds[k]) * (apart[k] if row.turned else row.gated(apart[k], 1))
             + self.holds[k] * (row.gated(found[k], 1) if row.turned else found[k])
