@@ -290,7 +290,10 @@ def test_a_bounded_path(expression: bool) -> None:
     ocp = ac.OptimalControl(ac.build(scene), 1.0)
     ocp.start({scene.rail.q: 0.0, scene.rail.v: 1.0})
     ocp.end({scene.rail.q: 0.0, scene.rail.v: -1.0})
-    ocp.bound(9 * scene.rail.q if expression else scene.rail.q, upper=1 if expression else 1 / 9)
+    if expression:
+        ocp.bound(9 * scene.rail.q, upper=1)
+    else:
+        ocp.bound(scene.body.point.position, None, [1 / 9, None, None])
     ocp.minimise(0.5 * ac.integral(scene.force**2))
     best = ocp.solve(10, tolerance=1e-9, refinements=6)
     assert best.cost == pytest.approx(4.0, abs=1e-8)

@@ -146,7 +146,7 @@ class OptimalControl:
         self._here.append((where, dict(self.symbols(values, "at" if where < 1 else "end"))))
 
     def bound(self, expression: Expression | str | Cost, lower: Any = -np.inf, upper: Any = np.inf) -> None:
-        """Limits that an expression keeps at all points of the mesh: numbers, or one for each entry. Reactions, contact forces, powers, distances.
+        """Limits that an expression keeps at all points of the mesh: numbers, or one for each entry; None: no limit. Reactions, contact forces, powers, distances.
         Of an `ac.integral`, an `ac.average` or a sum of such: two numbers for the whole motion.
         """
         if isinstance(expression, Cost):
@@ -670,7 +670,7 @@ def _duration(time: Any) -> free:
 def _ordered(pair: tuple[Any, Any], name: str, entries: int | None) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper limits of `entries` numbers. Raises `OptionError` where nothing lies between them."""
     try:
-        lower, upper = (np.asarray(_numbers(v), dtype=float).ravel(order="F") for v in pair)
+        lower, upper = (_limit(v, none) for v, none in zip(pair, (-np.inf, np.inf), strict=True))
         lower, upper = (
             np.broadcast_arrays(lower, upper) if entries is None else (np.broadcast_to(v, (entries,)) for v in (lower, upper))
         )
@@ -684,6 +684,13 @@ def _ordered(pair: tuple[Any, Any], name: str, entries: int | None) -> tuple[np.
     if np.any(lower > upper):
         raise OptionError(f"{name} is to stay above {pair[0]} and below {pair[1]}, which cross.")
     return lower, upper
+
+
+def _limit(value: Any, none: float) -> np.ndarray:
+    """A limit's numbers (n,); `none` where it is None."""
+    if value is None or isinstance(value, (list, tuple)):
+        value = [none if v is None else v for v in (value or (value,))]  # pyright: ignore
+    return np.asarray(_numbers(value), dtype=float).ravel(order="F")
 
 
 def _pair(value: Any) -> tuple[Any, Any]:
