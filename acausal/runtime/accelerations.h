@@ -73,7 +73,7 @@ static int foresee_slips(Integrator *I, Decision *D, Room R, double planned, dou
     if (!decision_later(I, 2 * later, D)) return 0;
     for (long f = I->lines; f < D->frictions; f++) {
         long i = row_of(D, f);
-        double grows[3];
+        double grows[3] = {0};
         for (long k = 0; k < rows_of(D, f); k++) grows[k] = (D->free[i + k] - first[i + k]) / later;
         double jerk = hypot(grows[0], grows[1]), gain = planned * (size_of(D, f, R.rate) + 0.5 * planned * (rows_of(D, f) > 2 ? hypot(jerk, grows[2]) : jerk));
         if (R.law[D->gaps + f] != STARTS || !isfinite(gain)) continue;

@@ -92,17 +92,20 @@ size_t needed(const Integrator *I) {
 
 /* An integration in whose block another one, with all that is in it, has been copied from `block`. */
 void moved_integration(Integrator *I, const char *block) {
-    redirect(&I->state, &I->state + 1, block, I->room, I->block);
+    const size_t own[][2] = {
+        {offsetof(Integrator, state), sizeof I->state},
+        {offsetof(Integrator, size), sizeof I->size},
+        {offsetof(Integrator, discrete_start), sizeof I->discrete_start},
+        {offsetof(Integrator, event_times), offsetof(Integrator, event_directions) + sizeof I->event_directions - offsetof(Integrator, event_times)},
+        {offsetof(Integrator, times), offsetof(Integrator, kinds) + sizeof I->kinds - offsetof(Integrator, times)},
+    };
+    for (size_t k = 0; k < sizeof own / sizeof *own; k++) redirect(I, own[k][0], own[k][0] + own[k][1], block, I->room, I->block);
     struct State *T = I->state;
-    redirect(T, &T->made, block, I->room, I->block);
+    redirect(T, 0, offsetof(struct State, made), block, I->room, I->block);
     for (long k = 0; k <= METHODS; k++) {
         Stages *S = k < METHODS ? &T->stages[k] : &T->refining;
-        redirect(S, &S->method, block, I->room, I->block);
+        redirect(S, 0, offsetof(Stages, method), block, I->room, I->block);
     }
-    redirect(&I->size, &I->size + 1, block, I->room, I->block);
-    redirect(&I->discrete_start, &I->discrete_start + 1, block, I->room, I->block);
-    redirect(&I->event_times, &I->event_directions + 1, block, I->room, I->block);
-    redirect(&I->times, &I->kinds + 1, block, I->room, I->block);
 }
 
 /* To the far side of the next knot, where the last step is told to have ended: what the rates were before says nothing of what they are now. */

@@ -36,9 +36,9 @@ static void *reserve(Integrator *I, size_t bytes) {
 static double *reserve_doubles(Integrator *I, long n) { return reserve(I, sizeof(double) * (size_t)n); }
 static V *reserve_lanes(Integrator *I, long n) { return reserve(I, sizeof(V) * (size_t)n); }
 
-/* Pointers from `first` to `end` that lead into a block of `size` bytes, made to lead to the same places of its copy. */
-static void redirect(void *first, void *end, const char *block, size_t size, char *copy) {
-    for (char *at = first; at < (char *)end; at += sizeof(char *)) {
+/* Pointers between two places in a structure that lead into a block of `size` bytes, made to lead to the same places of its copy. */
+static void redirect(void *structure, size_t first, size_t end, const char *block, size_t size, char *copy) {
+    for (char *at = (char *)structure + first; at < (char *)structure + end; at += sizeof(char *)) {
         char *p;
         memcpy(&p, at, sizeof p);
         if (p < block || p >= block + size) continue;

@@ -21,6 +21,7 @@ from acausal.errors import AcausalError
 from components import Contact as OneContact
 from components import Coulomb, Ellipsoid, Force, Hard, Plane, Revolute, RigidBody, TorqueSource, World
 from tests.bad_input.test_constructors import PARTS, USUAL, arguments, names
+from tests.exported import compile_quickly
 from tests.scenes import Pendulum
 
 ANYTHING: dict[str, Any] = {
@@ -90,6 +91,7 @@ def test_questions_take_or_refuse_it(
     scene: Callable[[], tuple[ac.System, Any]], asked: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ):
     monkeypatch.chdir(tmp_path)
+    compile_quickly(monkeypatch)
     made, q = scene()
     model = ac.build(made)
     usual = {
