@@ -248,7 +248,7 @@ static int fall_back(const Integrator *I, const Decision *D, Room R, const doubl
     for (long i = 0; i < D->gaps; i++) {
         if (!leaves[i] || rate[i] > least_rate(I, D, i, R.rate[i])) continue;
         leaves[i] = 0;
-        R.touching[i] = low = 1;
+        R.touching[i] = 2, low = 1;
     }
     return low;
 }
