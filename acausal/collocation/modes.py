@@ -116,7 +116,7 @@ class Change:
 @dataclass(frozen=True, eq=False)
 class ModesMet:
     """Changes of mode in order of time, the start's decision first: `masks` (masks, m) from each of the times `begins` (m,) on, and what `Change` has
-    of each, `steps` (m,), `rows` (m,), `impulses` (m, n) and `jumped` (m,).
+    of each, `steps` (m,), `rows` (m,), `impulses` (m, n) and `jumped` (m,); `heat` (m, n): what reactions lose where the rest of impacts without end is passed at once.
     """
 
     begins: np.ndarray
@@ -124,13 +124,16 @@ class ModesMet:
     steps: np.ndarray
     rows: np.ndarray
     impulses: np.ndarray
+    heat: np.ndarray
     jumped: np.ndarray
 
     @staticmethod
     def none(begin: float, masks: int, rows: int) -> ModesMet:
         """Of a motion that did not begin."""
         nothing = np.zeros(1, dtype=int)
-        return ModesMet(np.array([begin]), np.zeros((masks, 1)), nothing, nothing - 1, np.zeros((1, rows)), nothing == 1)
+        return ModesMet(
+            np.array([begin]), np.zeros((masks, 1)), nothing, nothing - 1, np.zeros((1, rows)), np.zeros((1, rows)), nothing == 1
+        )
 
     @property
     def changes(self) -> tuple[Change, ...]:

@@ -169,6 +169,9 @@ static enum Code bridge(Integrator *I, Decision *D, Room R, long row, double pla
         if (holds) R.touching[D->gaps + f] = 1;
         if (rests) T->sticks[f] = 0;
     }
+    bridge_impulses(I, D, R, in, 0, first, free);
+    for (long i = D->valves; i < D->gaps; i++) T->heat[i] = -0.5 * T->impulse[i] * first[i]; /* of all that speeds are worth, to second order: it may be much where little time is left */
+    memset(T->impulse, 0, sizeof(double) * (size_t)n);
     bridge_impulses(I, D, R, in, h, first, free);
     T->impacts = 0;
     return decide_accelerations(I, R, planned);

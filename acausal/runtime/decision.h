@@ -77,9 +77,10 @@ static int make_modes(Integrator *I) {
     long n = reactions_of(I), F = frictions_of(I), most = I->one_sided + 2 * F, width = 2 * most + 2;
     T->later_x = reserve_doubles(I, I->nx + 1);
     T->impulse = reserve_doubles(I, n + 1);
+    T->heat = reserve_doubles(I, n + 1);
     T->first_rate = reserve_doubles(I, I->nx + 1);
     if (I->directions && !make_saltation(I)) return 0;
-    if (!n) return I->counted || (T->later_x && T->first_rate && T->impulse);
+    if (!n) return I->counted || (T->later_x && T->first_rate && T->impulse && T->heat);
     if (!arranged(I, &I->decision, &T->decision_in, &T->decision_out, &T->decision_c, 1 + I->nx + I->nu)) return 0;
     if (!I->counted) give_inputs(I, T->decision_in);
     T->decided = reserve_doubles(I, I->decision.outputs);
@@ -115,7 +116,7 @@ static int make_modes(Integrator *I) {
         if (!I->counted && !(T->row_unit && T->row_terms && T->free_noise && T->given_push && T->given_free && T->index_work && T->index_rows && T->index_found)) return 0;
     }
     if (!make_zeno(I) || !make_margin(I) || !make_impacts(I) || !make_thin(I)) return 0;
-    return I->counted || (T->decided && T->decided_noise && T->alone && T->decided_rounds && T->decided_from && T->lemke && T->impulse && T->push && T->choice_change && T->no_change && T->later_x && T->first_rate && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
+    return I->counted || (T->decided && T->decided_noise && T->alone && T->decided_rounds && T->decided_from && T->lemke && T->impulse && T->heat && T->push && T->choice_change && T->no_change && T->later_x && T->first_rate && T->lifted && T->leaves && T->near_knot && T->gap_terms && T->at_rest && T->basis && T->status);
 }
 
 /* Parts of T->push and T->status. */
@@ -316,7 +317,7 @@ static int note_transition(Integrator *I, long row) {
     if (!I->block && k >= T->transition_room) {
         long c = T->transition_room = 2 * k + 16;
         if (!grow(&I->transition_steps, sizeof(long) * (size_t)c) || !grow(&I->transition_rows, sizeof(long) * (size_t)c) ||
-            !grow(&I->impulses, sizeof(double) * (size_t)(c * n + 1)) || !grow(&I->transition_masks, sizeof(double) * (size_t)(c * I->masks + 1)))
+            !grow(&I->impulses, sizeof(double) * (size_t)(2 * c * n + 1)) || !grow(&I->transition_masks, sizeof(double) * (size_t)(c * I->masks + 1)))
             return 0;
     }
     I->transitions++;
@@ -327,7 +328,9 @@ static int note_transition(Integrator *I, long row) {
     if (I->block) return 1;
     I->transition_steps[k] = I->steps - I->first;
     I->transition_rows[k] = row;
-    memcpy(I->impulses + k * n, T->impulse, sizeof(double) * (size_t)n);
+    memcpy(I->impulses + 2 * k * n, T->impulse, sizeof(double) * (size_t)n);
+    memcpy(I->impulses + (2 * k + 1) * n, T->heat, sizeof(double) * (size_t)n);
+    memset(T->heat, 0, sizeof(double) * (size_t)n);
     memcpy(I->transition_masks + k * I->masks, T->side, sizeof(double) * (size_t)I->masks);
     return 1;
 }

@@ -27,7 +27,8 @@
 #define UNSETTLED 20   /* changes of mode in one instant, from which on they do */
 
 /* Rows that touch and leave so slowly that gaps do not tell it are held where they are. What happens instead, a bounce, loses the time until it is over, and the
-   friction of all that pushes meanwhile; both are first order in its speed, and so is what is done here: the impulse that ends the bounce, turned round, with its friction. */
+   friction of all that pushes meanwhile; both are first order in its speed, and so is what is done here: the impulse that ends the bounce, turned round, with its friction. All that
+   touches has come to rest then. */
 static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
     long n = D->n;
@@ -59,6 +60,7 @@ static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
         if (open <= sqrt(FITS) * most) break;
         if (!slides) return; /* what holds is projected */
     }
+    for (long i = D->valves; i < D->gaps; i++) R.touching[i] = R.touching[i] ? 2 : 0; /* whatever of their speeds is left */
     if (I->directions) {
         memcpy(R.push, R.before, sizeof(double) * (size_t)n);
         memset(T->impulse_change, 0, sizeof(double) * (size_t)(2 * n * direction_blocks(I) * LANES));
@@ -248,7 +250,7 @@ static int fall_back(const Integrator *I, const Decision *D, Room R, const doubl
     for (long i = 0; i < D->gaps; i++) {
         if (!leaves[i] || rate[i] > least_rate(I, D, i, R.rate[i])) continue;
         leaves[i] = 0;
-        R.touching[i] = 2, low = 1;
+        R.touching[i] = low = 1;
     }
     return low;
 }

@@ -641,11 +641,11 @@ class Run:
         steps, which = (np.ctypeslib.as_array(part, (count,)).copy() for part in (core.transition_steps, core.transition_rows))
         impulses, masks = (
             np.ctypeslib.as_array(part, (count, n)).copy()
-            for part, n in ((core.impulses, rows), (core.transition_masks, integrand.masks))
+            for part, n in ((core.impulses, 2 * rows), (core.transition_masks, integrand.masks))
         )
         after = np.minimum(steps + 1, t.size - 1)
         jumped = (after > steps) & (t[after] - t[steps] <= _INSTANT * np.maximum(np.abs(t[steps]), abs(t[0])))
-        return ModesMet(t[steps], masks.T, steps, which, impulses, jumped)
+        return ModesMet(t[steps], masks.T, steps, which, impulses[:, :rows], impulses[:, rows:], jumped)
 
     @property
     def _ends(self) -> int:

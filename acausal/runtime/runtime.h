@@ -176,8 +176,8 @@ typedef struct Integrator {
     size_t room, used;
     long counted, first, event_room; /* whether bytes are only counted; number of steps that are not kept; events of one step at most */
     long promised;                   /* whether exact kernels are to be had where they are needed */
-    /* Changes of mode so far: after how many of the steps that are kept each, the row of masks that led to it (-1: the start, or a jump of inputs), and impulses of all
-       reactions, which are in steps of no length */
+    /* Changes of mode so far: after how many of the steps that are kept each, the row of masks that led to it (-1: the start, or a jump of inputs), impulses of all
+       reactions, which are in steps of no length, and what is lost by those of impacts without end beside what all of them do on the way (2 reactions) */
     long transitions, *transition_steps, *transition_rows;
     double *impulses, *transition_masks; /* masks from then on */
     /* Where derivatives are those to one side: 1 + the first law whose guard only touched zero, 1 + the first gap that closed together with others, each for itself; 0: none */

@@ -179,7 +179,7 @@ struct State {
     long *index_rows, *index_found;
     double *decided_rounds;   /* what that changes of gaps and rates */
     int *decision_begins;     /* the program of gaps and rates alone; null: there is none */
-    double *lemke, *impulse, *push, *later_x, *first_rate; /* work of decisions, see modes.h */
+    double *lemke, *impulse, *heat, *push, *later_x, *first_rate; /* work of decisions, see modes.h */
     V *decision_change_in, *decision_change_out, *decision_change_c;
     double *delay, *decided_change, *impulse_change, *choice_change, *no_change, *slopes, *flow, *input_rate, *weight, *unit_of_row, *by_carried, *flow_before; /* of directions at changes of mode, see saltation.h */
     long *weighed, shared, unshared; /* rows whose weights have been looked for together, and how many; counted from one, a row where there are none */

@@ -103,4 +103,5 @@ def _modes_until(met: ModesMet, last: int) -> ModesMet:
     """Changes of mode before the step end `last`, and those there that do not jump."""
     some = (met.steps < last) | ((met.steps == last) & ~met.jumped)
     some[0] = True
-    return ModesMet(met.begins[some], met.masks[:, some], met.steps[some], met.rows[some], met.impulses[some], met.jumped[some])
+    by_change = (part[some] for part in (met.steps, met.rows, met.impulses, met.heat, met.jumped))
+    return ModesMet(met.begins[some], met.masks[:, some], *by_change)

@@ -177,8 +177,8 @@ class Transitions(Sequence[Transition]):
 
     `times` (n,) [s]; `rows` (n,): ends of steps before each; `jumped` (n,): whether the state jumps, over a step of no length; `bridged` (n,): whether it
     ends impacts without end, over a step whose friction has impulses. `old`, `new` (laws, n): numbers of words;
-    `impulses` (n, reactions), and what each of them `lost` (n, reactions) as heat, and `lost_in_balance` (n,): less what drives brought in [J]. Where nothing
-    changes but to which law a force is due there is no transition; the start's decision is none, unless something strikes there.
+    `impulses` (n, reactions), `heat` (n, reactions) of those that are passed at once, and what each of them `lost` (n, reactions) as heat, and
+    `lost_in_balance` (n,): less what drives brought in [J]. Where nothing changes but to which law a force is due there is no transition; the start's decision is none, unless something strikes there.
     """
 
     run: Run
@@ -191,6 +191,7 @@ class Transitions(Sequence[Transition]):
     old: np.ndarray
     new: np.ndarray
     impulses: np.ndarray
+    heat: np.ndarray
     targets: tuple[tuple[int, ...], ...]
     """What was set in each, by numbers of states, and nx or more of discrete values; none where nothing was."""
     words: dict[int, str]
@@ -217,8 +218,8 @@ class Transitions(Sequence[Transition]):
         rates, seen = (
             np.where(over, late, (early + late) / 2).T for early, late in ((before[:n], after[:n]), (before[n:], after[n:]))
         )
-        lost[some] = -self.impulses[some] * rates
-        in_balance[some] = (self.impulses[some] * seen).sum(axis=1)
+        lost[some] = self.heat[some] - self.impulses[some] * rates
+        in_balance[some] = (self.heat[some] + self.impulses[some] * seen).sum(axis=1)
         return lost, in_balance
 
     @functools.cached_property
@@ -274,12 +275,16 @@ class Transitions(Sequence[Transition]):
             sizes[law.row.reaction.unit] = max(sizes[law.row.reaction.unit], float(np.abs(self.impulses[k, law.reactions]).max()))
         for i, law in enumerate(self.laws):
             old, new, impulse = self.old[i, k], self.new[i, k], self.impulses[k, law.reactions]
-            if old == new and (self.bridged[k] or not np.abs(impulse).max() > _NOTHING * sizes[law.row.reaction.unit]):
+            if self.bridged[k]:
+                struck = np.abs(self.heat[k, law.reactions]).max() > _NOTHING * np.abs(self.heat[k]).max()
+            else:
+                struck = np.abs(impulse).max() > _NOTHING * sizes[law.row.reaction.unit]
+            if old == new and not struck:
                 continue
             unit = _IMPULSES.get(law.row.reaction.unit, f"{law.row.reaction.unit}*s")
             lost = float(self._losses[0][k, law.reactions].sum())
-            struck = float(impulse[0]) if impulse.size == 1 else impulse.copy()
-            changes.append(Change(law.name, law.words[old], law.words[new], struck, unit, lost))
+            given = float(impulse[0]) if impulse.size == 1 else impulse.copy()
+            changes.append(Change(law.name, law.words[old], law.words[new], given, unit, lost))
         before, after = self._moment(k, 0), self._moment(k, 1)
         locks, holding = self._locks(k)
         changes += locks
@@ -356,15 +361,13 @@ def transitions_of(run: Run) -> Transitions:
     """Of a run; none where its parts always hold."""
     laws, met = laws_of(run.outputs), run.solution.modes
     if met is None:
-        none, words = np.zeros(0), np.zeros((0, 0), dtype=int)
-        at = none.astype(int)
-        return Transitions(
-            run, laws, none, at, none.astype(bool), none.astype(bool), (words, words), words, words, np.zeros((0, 0)), (), {}
-        )
+        none, words, struck = np.zeros(0), np.zeros((0, 0), dtype=int), np.zeros((0, 0))
+        at, never = none.astype(int), none.astype(bool)
+        return Transitions(run, laws, none, at, never, never, (words, words), words, words, struck, struck, (), {})
     last = np.append(np.diff(met.steps) > 0, True)  # of those at the same end of a step
     first = np.insert(last[:-1], 0, True)
     begin, end = np.flatnonzero(first), np.flatnonzero(last)
-    impulses = np.add.reduceat(met.impulses, begin, axis=0)
+    impulses, heat = (np.add.reduceat(part, begin, axis=0) for part in (met.impulses, met.heat))
     jumped, bridged = (np.logical_or.reduceat(flags, begin) for flags in (met.jumped, met.rows == _BRIDGE))
     # others are put where all that holds is closed
     struck = jumped & (impulses.any(axis=1) | (run.outputs.system.locks is not None))
@@ -376,7 +379,7 @@ def transitions_of(run: Run) -> Transitions:
     targets, words = _targets(run, met, begin, end)
     some = np.flatnonzero(struck | bridged | (old != new).any(axis=0) | np.array([bool(own) for own in targets]))
     return Transitions(
-        run, laws, met.begins[end][some], met.steps[end][some], jumped[some], bridged[some], (before[:, some], after[:, some]), old[:, some], new[:, some], impulses[some],
+        run, laws, met.begins[end][some], met.steps[end][some], jumped[some], bridged[some], (before[:, some], after[:, some]), old[:, some], new[:, some], impulses[some], heat[some],
         tuple(targets[k] for k in some), words,
     )  # fmt: skip
 
