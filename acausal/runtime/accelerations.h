@@ -376,7 +376,9 @@ static int start_together(Integrator *I, Room R, double planned) {
     Decision D, nothing = decision_of(I, T->no_change, 0);
     long n = reactions_of(I), astray = 0, *law = R.asked;
     double *missing = R.centre, *change = T->blow, time = 0, fast = 0, most = 0;
-    if (!I->redundant) return 0;
+    for (long f = I->lines; f < I->lines + I->planes; f++) astray |= R.law[I->one_sided + f] == STARTS;
+    if (!I->redundant || !astray) return 0;
+    astray = 0;
     if (!decision_at(I, I->t, I->x, &D)) return -1;
     memcpy(law, R.law, sizeof(long) * (size_t)(D.gaps + D.frictions));
     for (long i = 0; i < D.valves; i++) law[i] = OFF;

@@ -41,7 +41,7 @@ enum Law {
 enum ImpactLaw { BY_POISSON, BY_NEWTON, BY_ENERGY, ONE_BY_ONE = 4, NO_GAP = 8 }; /* of gaps, their `kind`; one by one and no gap: with others */
 
 /* A problem. law (gaps + frictions); along (3 each): of frictions, what acts against the slip, with the sign turned and by the limit: its direction, but of patches; floor (gaps): least reactions, null: zero; constants: whether limits
-   count that do not grow with reactions. Results: law, along, push (n), rate (n). centre (n): what damping draws to. work: n n + 5 n. */
+   count that do not grow with reactions. Results: law, along, push (n), rate (n). centre (n): what damping draws to. work: n n + 6 n. */
 typedef struct {
     const Decision *D;
     const double *start, *floor;
@@ -147,9 +147,24 @@ static double rate_of(const Problem *p, long i) {
     return sum;
 }
 
+/* The same of all rows: four sums at a time, none of which waits for another. */
+static void damped_rates(const Problem *p) {
+    long n = p->D->n, i = 0;
+    for (; i + 4 <= n; i += 4) {
+        const double *W = p->D->W + i * n, *r = p->push;
+        double a[4];
+        for (long k = 0; k < 4; k++) a[k] = p->start[i + k] + p->damping * W[k * n + i + k] * (r[i + k] - p->centre[i + k]);
+        double s0 = a[0], s1 = a[1], s2 = a[2], s3 = a[3];
+        for (long j = 0; j < n; j++) s0 += W[j] * r[j], s1 += W[n + j] * r[j], s2 += W[2 * n + j] * r[j], s3 += W[3 * n + j] * r[j];
+        p->rate[i] = s0, p->rate[i + 1] = s1, p->rate[i + 2] = s2, p->rate[i + 3] = s3;
+    }
+    for (; i < n; i++) p->rate[i] = rate_of(p, i);
+}
+
 /* Those of all rows, without damping. */
 static void find_rates(const Problem *p) {
-    for (long i = 0; i < p->D->n; i++) p->rate[i] = rate_of(p, i) - p->damping * p->D->W[i * p->D->n + i] * (p->push[i] - p->centre[i]);
+    damped_rates(p);
+    for (long i = 0; i < p->D->n; i++) p->rate[i] -= p->damping * p->D->W[i * p->D->n + i] * (p->push[i] - p->centre[i]);
 }
 
 /* The least of r A r / 2 + c r, A = (a, b; b, e) positive, of forces r of this size: -(A + y) r = c, by Newton's iteration for y on 1 / |r| (More and Sorensen, SIAM J. Sci. Stat.
@@ -252,16 +267,16 @@ static void eliminate_dense(double *A, double *b, long n) {
     }
 }
 
-/* What is left of the laws, b (n), in units in which the diagonal of W is one, and if A is given its derivative (n, n) with the sign turned. Laws that may hold are
-   found. Returns the norm of b; `open`: by how much more than rounding, in roundings. */
-static double look_at_laws(const Problem *p, const long *asked, double *A, double *b, const double *unit, double *open) {
+/* What is left of the laws, b (n), in units in which the diagonal of W is one, and its derivative A (n, n) with the sign turned. Laws that may hold are
+   found. Returns the norm of b; `open`: whether it is more than rounding. */
+static double look_at_laws(const Problem *p, const long *asked, double *A, double *b, const double *unit, int *open) {
     const Decision *D = p->D;
     const double *W = D->W;
     long n = D->n;
     double sum = 0, *by = p->work + n * n + 4 * n;
     *open = 0;
-    if (A) memset(A, 0, sizeof(double) * (size_t)(n * n));
-    for (long i = 0; i < n; i++) p->rate[i] = rate_of(p, i);
+    memset(A, 0, sizeof(double) * (size_t)(n * n));
+    damped_rates(p);
     for (long f = -D->gaps; f < D->frictions; f++) {
         long first = f < 0 ? f + D->gaps : row_of(D, f), size = f < 0 ? 1 : rows_of(D, f), law = asked[D->gaps + f];
         double w = 0, limit = f < 0 ? 0 : limit_of(p, f), e[3] = {0, 0, 0}, y[3] = {0, 0, 0}, Q[9], far = 0;
@@ -283,36 +298,37 @@ static double look_at_laws(const Problem *p, const long *asked, double *A, doubl
             for (long k = 0; k < size; k++) y[k] /= limit;
             nearest_on_patch(pressure_of(D, f), y, e, Q);
         }
-        if (A && (law == AGAINST || law == STARTS)) limit_slope(p, f, by);
+        if (law == AGAINST || law == STARTS) limit_slope(p, f, by);
         for (long k = 0; k < size; k++) {
             long i = first + k;
             double terms = fabs(p->push[i]) / unit[i];
             if (law == HOLDS) {
                 b[i] = -p->rate[i] * unit[i];
                 terms = (fabs(p->start[i]) + p->damping * W[i * n + i] * (fabs(p->push[i]) + fabs(p->centre[i]))) * unit[i];
-                for (long j = 0; j < n; j++) terms += fabs(W[i * n + j] * p->push[j]) * unit[i];
-                for (long j = 0; A && j < n; j++) A[i * n + j] = W[i * n + j] * unit[i] * unit[j];
-                if (A) A[i * n + i] += p->damping * W[i * n + i] * unit[i] * unit[i];
+                for (long j = 0; j < n && !*open; j++) terms += fabs(W[i * n + j] * p->push[j]) * unit[i]; /* one that is open is enough */
+                for (long j = 0; j < n; j++) A[i * n + j] = W[i * n + j] * unit[i] * unit[j];
+                A[i * n + i] += p->damping * W[i * n + i] * unit[i] * unit[i];
             } else {
                 double held = law == OPENS ? floor_of(p, i) : law == AGAINST || law == STARTS ? limit * e[k] : 0;
                 b[i] = (held - p->push[i]) / unit[i];
-                if (A) A[i * n + i] += 1;
+                A[i * n + i] += 1;
                 double moved = e[k]; /* by the limit */
                 for (long m = 0; m < size && size > 2 && law == STARTS; m++) moved -= Q[3 * k + m] * y[m];
-                for (long j = 0; A && j < n && limit > 0 && (law == AGAINST || law == STARTS); j++) A[i * n + j] -= by[j] * moved * unit[j] / unit[i];
+                for (long j = 0; j < n && limit > 0 && (law == AGAINST || law == STARTS); j++)
+                    if (by[j] != 0) A[i * n + j] -= by[j] * moved * unit[j] / unit[i];
                 if (law == STARTS && size > 1 && w > 0) {
                     for (long m = 0; m < size; m++) { /* the direction turns: (1 - e e') / far */
                         double part = size > 2 ? Q[3 * k + m] : limit / far * ((k == m) - e[k] * e[m]);
-                        if (A) A[i * n + first + m] -= part * unit[first + m] / unit[i];
-                        for (long j = 0; A && j < n; j++) A[i * n + j] += part * W[(first + m) * n + j] / w * unit[j] / unit[i];
-                        if (A) A[i * n + first + m] += part * p->damping * W[(first + m) * (n + 1)] / w * unit[first + m] / unit[i];
+                        A[i * n + first + m] -= part * unit[first + m] / unit[i];
+                        for (long j = 0; j < n; j++) A[i * n + j] += part * W[(first + m) * n + j] / w * unit[j] / unit[i];
+                        A[i * n + first + m] += part * p->damping * W[(first + m) * (n + 1)] / w * unit[first + m] / unit[i];
                         terms += fabs(part * p->rate[first + m] / w) / unit[i];
                     }
                 }
             }
             sum += b[i] * b[i];
-            if (!(fabs(b[i]) <= ROUNDED * EPS * terms)) *open = fmax(*open, fabs(b[i]) / (EPS * terms));
-            if (!isfinite(b[i])) *open = sum = INFINITY;
+            *open |= !(fabs(b[i]) <= ROUNDED * EPS * terms);
+            if (!isfinite(b[i])) *open = 1, sum = INFINITY;
         }
     }
     return sqrt(sum);
@@ -321,10 +337,11 @@ static double look_at_laws(const Problem *p, const long *asked, double *A, doubl
 /* Newton's iteration on the laws, from the reactions there are. Returns whether it came to an end. */
 static int newton_of_laws(const Problem *p, const long *asked) {
     long n = p->D->n;
-    double *A = p->work, *b = A + n * n, *unit = b + n, *last = unit + n, open;
+    double *A = p->work, *b = A + n * n, *unit = b + n, *last = unit + n, *step = A + n * n + 5 * n;
+    int open;
     for (long i = 0; i < n; i++) unit[i] = 1 / unit_of(own_of(p->D, i));
     double left = look_at_laws(p, asked, A, b, unit, &open), least = left;
-    for (long again = 0, since = 0; again < NEWTON && open > 0; again++) {
+    for (long again = 0, since = 0; again < NEWTON && open; again++) {
         if (!isfinite(left)) return 0;
         memcpy(last, p->push, sizeof(double) * (size_t)n);
         eliminate_dense(A, b, n);
@@ -335,20 +352,18 @@ static int newton_of_laws(const Problem *p, const long *asked) {
             most = fmax(most, fabs(last[i]) / unit[i]);
         }
         if (!isfinite(changed)) return 0;
-        double *step = A; /* the factors are used up */
         memcpy(step, b, sizeof(double) * (size_t)n);
         for (int halved = 0; halved < 6; halved++, part *= 0.5) {
             for (long i = 0; i < n; i++) p->push[i] = last[i] + part * step[i];
-            left = look_at_laws(p, asked, 0, b, unit, &open);
+            left = look_at_laws(p, asked, A, b, unit, &open);
             if (left < (1 - 0.1 * part) * before || changed <= 1e-10 * most) break;
         }
-        if (open > 0 && changed <= 4 * EPS * most && part == 1) return 1;
+        if (open && changed <= 4 * EPS * most && part == 1) return 1;
         since = left < 0.9 * least ? 0 : since + 1;
         least = fmin(least, left);
         if (since > 12) return changed <= 1e-12 * most;
-        left = look_at_laws(p, asked, A, b, unit, &open);
     }
-    return open == 0;
+    return !open;
 }
 
 /* Whether what has been solved is an answer. */

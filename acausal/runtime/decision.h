@@ -64,7 +64,7 @@ static long beginning_of(const int *program, long results, int *begin) {
 /* Sizes of T->push and T->status, see room_of. */
 static long doubles_of_room(const Integrator *I) {
     long n = reactions_of(I), F = frictions_of(I);
-    return 6 * n + 3 * F + F + n * n + 5 * n + 3 * F + F;
+    return 6 * n + 3 * F + F + n * n + 6 * n + 3 * F + F;
 }
 
 static long longs_of_room(const Integrator *I) { return 5 * (reactions_of(I) + frictions_of(I)) + 1; }
@@ -129,7 +129,7 @@ static Room room_of(const Integrator *I) {
     long n = reactions_of(I), F = frictions_of(I);
     double *at = T->push;
     long *k = T->status;
-    return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 6 * n, at + 6 * n + 3 * F, at + 6 * n + 4 * F, at + 6 * n + 4 * F + n * n + 5 * n, at + 6 * n + 7 * F + n * n + 5 * n, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
+    return (Room){at, at + n, at + 2 * n, at + 3 * n, at + 4 * n, at + 5 * n, at + 6 * n, at + 6 * n + 3 * F, at + 6 * n + 4 * F, at + 6 * n + 4 * F + n * n + 6 * n, at + 6 * n + 7 * F + n * n + 6 * n, k, k + n + F, k + 2 * (n + F), k + 3 * (n + F), k + 4 * (n + F)};
 }
 
 /* What is to be solved for there, from these rates or accelerations on; without limits that do not grow with reactions, unless it is said that they count. */

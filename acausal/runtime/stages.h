@@ -189,7 +189,7 @@ struct State {
     long *set_fired, *set_by;
     double *lifted;    /* masks, while gaps are put to zero */
     double *near_knot; /* gaps, rates and effects of rows just before the last knot */
-    double *drift;     /* samples of what rounding of rates has made of states (COUNTED, nx), and room (4 nx) */
+    double *drift, *chance;     /* samples of what rounding of rates has made of states (COUNTED, nx), and room (4 nx) */
     double *at_rest;   /* of speeds that must not be negative: accelerations that are nothing, where nothing drives them; 0 elsewhere */
     double *gap_terms; /* sizes of what gaps are made of, as known last: they are rounded to those, however little states move them */
     double *impact_t, *impact_x, *impact_size, *impact_noise, *rest_x, *held; /* of the last impacts; where they end; see zeno.h */

@@ -20,6 +20,9 @@
 #define AS_OFTEN 4    /* times that tell so */
 #define HOP 1e-5      /* of a step: how far from its end a switch may go over; the state is moved there */
 
+/* A sample of a disturbance, in roundings. */
+static double chance_of(long sample) { return (double)(drawn(sample) >> 29) / 2 - 1.75; }
+
 static int make_switches(Integrator *I) {
     struct State *T = I->state;
     long fixed = 1 + I->nx + I->nu;
@@ -36,15 +39,14 @@ static int make_switches(Integrator *I) {
     T->far = reserve(I, (size_t)I->row_count);
     T->one_row = reserve_doubles(I, POINTS * I->row_count);
     T->drift = reserve_doubles(I, (COUNTED + 4) * I->nx);
+    T->chance = reserve_doubles(I, COUNTED * (I->nx + 1));
+    for (long k = 0; k < COUNTED * (I->nx + 1) && T->chance; k++) T->chance[k] = chance_of(k - 1);
     if (!T->chebyshev) {
         T->chebyshev = reserve_doubles(I, POINTS * POINTS);
         if (T->chebyshev) chebyshev_cosines(T->chebyshev);
     }
-    return I->counted || (T->side && T->overs && T->step_by_side && T->row_values && T->row_noise && T->far && T->one_row && T->drift && T->chebyshev);
+    return I->counted || (T->side && T->overs && T->step_by_side && T->row_values && T->row_noise && T->far && T->one_row && T->drift && T->chance && T->chebyshev);
 }
-
-/* A sample of a disturbance, in roundings. */
-static double chance_of(long sample) { return (double)(drawn(sample) >> 29) / 2 - 1.75; }
 
 /* Samples of what rounding of rates has made of states since modes have been decided, into T->drift (COUNTED, nx), where valves change their modes: what nothing else moves is no larger than
    that. What decays forgets it. To land a step it is found once. Returns 0 when the input function failed. */
@@ -82,7 +84,7 @@ static int find_drift(Integrator *I, double t, const double *x) {
 static double disturbed_by(const Integrator *I, double t, const double *x, long i, long sample) {
     const struct State *T = I->state;
     double value = i < 0 ? t : x[i], unit = sample > 0 ? EPS * (i < 0 ? fabs(t) : fmax(T->size[i], fabs(x[i]))) : 0;
-    return value + unit * chance_of(sample * (I->nx + 1) + i) + (i < 0 ? 0 : T->drift[sample * I->nx + i]);
+    return value + unit * T->chance[sample * (I->nx + 1) + i + 1] + (i < 0 ? 0 : T->drift[sample * I->nx + i]);
 }
 
 /* Rows at a point, into T->one_row, and what rounding makes of them, into T->row_noise. Returns 0 when the input function failed. */
