@@ -21,7 +21,7 @@ from components.geometry.laws import moving, place
 
 LYING = 1e-6
 """Sine of the angle at which a ring lies flat: what is nearest then jumps from one side to the other, and steps that passed it would not see where."""
-APEX = "The surface has an apex there, or its coordinates a pole: no plane touches it, or they have no two directions."
+APEX = "The surface has an apex there, or its coordinates a pole: no plane touches it, or they have no two directions; or its slope is infinite, as at the rim of a root: let it end before, or give it by other coordinates."
 """Said where `AbstractSurface.regular` is zero."""
 
 
@@ -86,8 +86,9 @@ class AbstractSurface(ABC):
         return ca.SX(0, 1)
 
     def regular(self, q: ca.SX) -> ca.SX:
-        """Zero where the surface, or its coordinates, have no two directions, else positive, (n, 1); of any unit. Empty where that is nowhere."""
-        return ca.det(self.metric(q))
+        """Zero where the surface, or its coordinates, have no two directions, or infinite slopes, else positive, (n, 1); of any unit. Empty where that is nowhere."""
+        square = ca.det(self.metric(q))
+        return ca.vertcat(square, 1 / square)
 
     def slopes(self, q: ca.SX) -> ca.SX:
         """How the point moves with the velocities, (3, 2)."""
@@ -489,7 +490,7 @@ class HeightField(AbstractSurface):
     def regular(self, q: ca.SX) -> ca.SX:
         law = ca.Function("law", [self._q], [self.law], {"allow_free": True})
         ends = any(law.instruction_id(k) in _WITHOUT_VALUE for k in range(law.n_instructions()))
-        return ca.det(self.metric(q)) if ends else ca.SX(0, 1)
+        return 1 / ca.det(self.metric(q)) if ends else ca.SX(0, 1)
 
     def clearance(self, p: ca.SX) -> tuple[ca.SX, ca.SX] | None:
         height, slope = ca.substitute([self.law, ca.gradient(self.law, self._q)], [self._q], [p[:2]])
