@@ -64,9 +64,9 @@ def test_crate_on_a_wagon_needs_the_friction_that_carries_it_along(size: float, 
     scene, found = hurried(size, 0.5, order)
     a = 1.8 * TIMES
     behind, front = 5 * (9.81 + 1.5 * a), 5 * (9.81 - 1.5 * a)  # of 10 kg, the middle is 0.3 high and 0.2 from each foot
-    push, rub = found.demands["behind.force_part.push"], found.demands["behind.force_part.drag"]
+    push, rub = found.demands["behind.push"], found.demands["behind.drag"]
     assert push.force[:, 0] == pytest.approx(behind * size, rel=1e-11)
-    assert found.demands["front.force_part"].margin == pytest.approx(front * size, rel=1e-10)
+    assert found.demands["front"].margin == pytest.approx(front * size, rel=1e-10)
     assert rub.word == "sticks" and rub.share == pytest.approx(10 * a / (0.5 * behind), abs=1e-11)
     assert all(demand.lasts for demand in found.demands.values())
     assert found.force(scene.rail) == pytest.approx(110 * a * size, rel=1e-11, abs=1e-11 * size)
@@ -75,11 +75,11 @@ def test_crate_on_a_wagon_needs_the_friction_that_carries_it_along(size: float, 
 
 def test_crate_that_would_slip_or_tip_is_told() -> None:
     _, slips = hurried(1.0, 0.4)
-    rub = slips.demands["behind.force_part.drag"]
+    rub = slips.demands["behind.drag"]
     assert not rub.lasts and "118.3 % of its limit at t = 2 s: it would slip" in str(rub)
     scene = carried(1.0, 5.0)
     tips = ac.build(scene).inverse_dynamics([0.0, 1.0], {scene.rail.q: 4.0 * ac.time**2}, [scene.rail], {scene.z.q: 0.4})
-    front = tips.demands["front.force_part"]
+    front = tips.demands["front"]
     assert not front.lasts and "it would have to pull with 10.95" in str(front)
 
 
@@ -206,4 +206,4 @@ def test_friction_acts_against_a_slip_that_is_prescribed_whichever_way_it_goes(p
     found = ac.build(scene).inverse_dynamics(t, motions, forces)
     for force, one in zip(forces, wanted, strict=True):
         assert found[force] == pytest.approx(one * size, rel=1e-10, abs=1e-9 * size)
-    assert found.demands[{"plane": "floor.force_part.drag", "slide": "rub", "hinge": "brake"}[part]].word == "slides"
+    assert found.demands[{"plane": "floor.drag", "slide": "rub", "hinge": "brake"}[part]].word == "slides"

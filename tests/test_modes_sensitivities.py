@@ -444,7 +444,7 @@ def test_impacts_without_end_with_friction_are_refused() -> None:
     scene.connect(scene.contact.frame_b, scene.ball.frame)
     frame = scene.ball.frame
     start = {frame.position: (0, 0, 0.3), frame.velocity: (1, 0, 0)}
-    with pytest.raises(ac.errors.SimulationError, match=r"contact\.force_part .* impacts without end, with friction"):
+    with pytest.raises(ac.errors.SimulationError, match=r"contact .* impacts without end, with friction"):
         ac.build(scene).sensitivities([0.0, 2.0], [frame.velocity], start)
 
 

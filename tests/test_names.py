@@ -17,7 +17,24 @@ from acausal.errors import UnknownVariableError
 from acausal.export import fmu
 from acausal.language.connector import Connector
 from acausal.parts.joint import AbstractJoint
-from components import Coulomb, PointOnPlane, RigidBody, Spherical, TorqueSource, World
+from components import (
+    Circle,
+    Contact,
+    Coulomb,
+    Hard,
+    HeightField,
+    Line,
+    Plane,
+    PointOnCurve,
+    PointOnPlane,
+    RigidBody,
+    Rolling,
+    RoughContact,
+    Sphere,
+    Spherical,
+    TorqueSource,
+    World,
+)
 from tests.scenes import FourBar, Pendulum, chain
 
 
@@ -172,6 +189,31 @@ def test_what_is_read_of_contacts_is_told_by_its_name_and_not_by_its_formula() -
     run = ac.build(scene).simulate(0.1, {scene.box.frame.position[2]: 0.2})
     foot = scene.foot
     told = [run.label(reading) for reading in (foot.gap, foot.normal_force, foot.slip[1], foot.point_a)]
-    assert told == [f"foot.force_part.{name}" for name in ("gap", "normal_force", "slip[1]", "point_a")]
+    assert told == [f"foot.{name}" for name in ("gap", "normal_force", "slip[1]", "point_a")]
     for label, reading in zip(told, (foot.gap, foot.normal_force, foot.slip[1], foot.point_a), strict=True):
         assert np.array_equal(run[label], run[reading])
+
+
+@pytest.mark.parametrize(
+    ("make", "read"),
+    [
+        (lambda: Contact(Sphere(0.1), HeightField(lambda x, y: 0.1 * x * y), Rolling()), ("q", "v", "gap", "slip", "normal_force")),
+        (lambda: Contact(Sphere(0.1), Plane(), Hard(0.5)), ("gap", "normal_force", "force")),
+        (lambda: Contact(Sphere(0.1), HeightField(lambda x, y: 0.1 * x * y), Hard(0.5)), ("q", "v", "gap", "normal_force")),
+        (lambda: PointOnCurve(Circle(0.5), friction=Coulomb(0.3)), ("q", "v", "normal_force")),
+        (lambda: PointOnCurve(Line((1, 0, 0.1)), unilateral=True), ("q", "v", "gap", "normal_force")),
+        (lambda: RoughContact(Sphere(0.1), Plane(), Coulomb(0.2)), ("q", "v", "gap", "slip", "normal_force")),
+    ],
+)  # fmt: skip
+def test_parts_made_of_parts_are_called_as_users_call_them(make: Callable[[], Any], read: tuple[str, ...]) -> None:
+    scene: Any = ac.System()
+    scene.world, scene.ball, scene.inner = World(), RigidBody.ball(1.0, 0.1), ac.System()
+    scene.inner.guide = guide = make()
+    scene.connect(scene.world.frame, guide.frame_a)
+    scene.connect(guide.frame_b, scene.ball.frame)
+    model = ac.build(scene)
+    run = model.simulate(0.01, {"ball.frame.position": (0.3, 0.4, 0.11)} if "q" not in read else {}, samples=3)
+    for name in read:
+        assert np.array_equal(run[f"inner.guide.{name}"], run[getattr(guide, name)]), name
+        assert not run.label(getattr(guide, name)).startswith("inner.guide.joint")
+    assert not any("joint" in name for name in model.state_names)

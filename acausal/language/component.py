@@ -225,6 +225,8 @@ class System(Component):
     """
 
     if_given_arguments = "Assign parts by name: scene.world = World(), scene.rod = RigidBody.rod(...)."
+    namesakes: ClassVar[tuple[str, ...]] = ()
+    """Attributes of which the first that holds a part gives it the system's own name: what it is one way to say."""
 
     def connect(self, a: Connector, b: Connector, *more: Connector) -> None:
         """Join two or more connectors. Raises `IncompatibleError` for kinds that do not fit, `DuplicateError` when repeated."""

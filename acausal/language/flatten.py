@@ -78,8 +78,8 @@ class FlatSystem:
     """Whether reactions are."""
     asked: tuple[Condition, ...] = ()
     """What parts ask of parameters."""
-    systems: tuple[System, ...] = ()
-    """Of which the parts are parts, the scene first."""
+    systems: dict[str, System] = field(default_factory=dict[str, System])
+    """Of which the parts are parts, by path, the scene first."""
     idle: dict[Reaction, str] = field(default_factory=dict[Reaction, str])
     """Reactions of laws that would hold if they were turned round, see `OneWay`, and their names."""
 
@@ -192,11 +192,13 @@ class FlatSystem:
         return next((connector for connector, own in self.connector_paths.items() if own == path), None)
 
     def _quantity(self, name: str) -> Expression | None:
-        """`path.of.connector.quantity`, or `path.of.part.reading`."""
+        """`path.of.connector.quantity`, or `path.of.part.reading`, of a system too."""
         path, _, last = name.rpartition(".")
-        owner = self.connector(path) or next((part.component for part in self.parts if part.path == path), None)
-        found = getattr(owner, last, None) if owner is not None and last.isidentifier() and last[0] != "_" else None
-        return found if isinstance(found, Expression) else None
+        if not last.isidentifier() or last[0] == "_":
+            return None
+        owners = (self.connector(path), self.systems.get(path), *(part.component for part in self.parts if part.path == path))
+        found = (getattr(owner, last, None) for owner in owners if owner is not None)
+        return next((one for one in found if isinstance(one, Expression)), None)
 
     @functools.cached_property
     def _found(self) -> dict[str, Expression]:
@@ -220,7 +222,7 @@ class FlatSystem:
 
     @functools.cached_property
     def _ports(self) -> Ports:
-        return ports_of(self.systems, self.connector_paths)
+        return ports_of(tuple(self.systems.values()), self.connector_paths)
 
     def part_of(self, connector: Connector) -> Part:
         """The leaf part that a connector belongs to."""
@@ -230,7 +232,11 @@ class FlatSystem:
         rows = [f"{self.name}: {len(self.parts)} parts, {len(self.connection_sets)} connection sets"]
         rows += grouped([(p.path, f"{type(p.component).__name__:<20} {p.component.created_at}") for p in self.parts])
         rows += shortened(
-            [f"  {compact(self.connector_paths[c] for c in group)} touch" for group in self.connection_sets if len(group) > 1]
+            [
+                f"  {compact(dict.fromkeys(self.connector_paths[c] for c in group))} touch"
+                for group in self.connection_sets
+                if len(group) > 1
+            ]
         )
         rows += grouped([(name, f"{symbol.kind} [{symbol.unit}]") for symbol, name in self.names.items()])
         return "\n".join(rows)
@@ -244,7 +250,7 @@ def flatten(scene: System) -> FlatSystem:
     connector_paths: dict[Connector, str] = {}
     connections: list[Connection] = []
     asked: list[Condition] = []
-    systems: list[tuple[str, System]] = []
+    systems: dict[str, System] = {}
     queue: deque[tuple[str, Component]] = deque([("", scene)])
     while queue:
         path, component = queue.popleft()
@@ -257,7 +263,8 @@ def flatten(scene: System) -> FlatSystem:
         if not isinstance(component, System):
             parts.append(part)
             continue
-        systems.append((prefix, component))
+        systems[path] = component
+        namesake = next((part for name in component.namesakes if isinstance(part := vars(component).get(name), Component)), None)
         for name, child in component.parts():
             if id(child) in owners:
                 first = f"as '{owners[id(child)]}'" if owners[id(child)] else "as the scene itself"
@@ -265,9 +272,9 @@ def flatten(scene: System) -> FlatSystem:
                     f"The same {child!r} stands in the scene twice, {first} and as '{prefix + name}'. Make two parts."
                 )
             owners[id(child)] = prefix + name
-            queue.append((prefix + name, child))
-    for prefix, system in systems:
-        _check_attributes(system, prefix, owners)
+            queue.append((path if child is namesake else prefix + name, child))
+    for path, system in systems.items():
+        _check_attributes(system, path + "." if path else "", owners)
     _name_hidden_symbols(parts, names)
     others = [law.other for part in parts for law in part.laws if isinstance(law, OneWay) and law.other is not None]
     idle = {other: names.pop(other) for other in others if other in names}
@@ -284,7 +291,7 @@ def flatten(scene: System) -> FlatSystem:
         sets,
         discretes,
         asked=tuple(asked),
-        systems=tuple(s for _, s in systems),
+        systems=systems,
         idle=idle,
     )
 

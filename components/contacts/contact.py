@@ -41,6 +41,7 @@ class Contact(System, AbstractTouch):
         scene.floor = Contact(Sphere(0.1), Plane(), Hard(restitution=0.8, friction=Coulomb(0.3)))
     """
 
+    namesakes = ("joint", "force_part")
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
 

@@ -293,7 +293,7 @@ def checked_law(law: object, part: str) -> Law:
     if not isinstance(law, AbstractTouchingLaw | AbstractFriction | HuntCrossley | Hard):
         raise ParameterError(
             f"{part}'s law is {shown(law)} ({origin()}). Give what the bodies do where they touch: Rolling(), RollingWithoutPivoting(), Sliding(), "
-            "Viscous(...), Creep(...), HuntCrossley(...), or Hard(...)."
+            "Viscous(...), Creep(...), HuntCrossley(...), or Hard(...). Dry friction: Hard(friction=Coulomb(...)) where bodies may part, RoughContact(...) where not."
         )
     return law
 

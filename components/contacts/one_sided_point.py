@@ -37,6 +37,7 @@ class OneSidedPoint(System, AbstractTouch):
         scene.floor = PointOnPlane(unilateral=True, restitution=0.8)
     """
 
+    namesakes = ("joint", "force_part")
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     frame_b = Point.port(must_connect=True, if_unconnected=_LOOSE)
 

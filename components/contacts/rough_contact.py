@@ -53,6 +53,7 @@ class RoughContact(System, AbstractTouch):
         scene.contact = RoughContact(Sphere(0.1), Plane(), Coulomb(0.2))
     """
 
+    namesakes = ("joint",)
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
 

@@ -64,6 +64,7 @@ class RoughGuide(System):
         scene.wire = PointOnCurve(Circle(0.5), friction=Coulomb(0.3))
     """
 
+    namesakes = ("joint",)
     frame_a = Frame.port(must_connect=True, if_unconnected=_LOOSE)
     frame_b = Frame.port(must_connect=True, if_unconnected=_LOOSE)
 
