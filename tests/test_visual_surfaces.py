@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 import acausal as ac
+from acausal.visual import shapes
+from acausal.visual.geometry import rotated
 from acausal.visual.scene import animation_of
 from acausal.visual.shapes import PLANE_COLOUR, PointMass, Polygon, Wire
 from components import (
@@ -21,16 +23,18 @@ from components import (
     Ellipsoid,
     Hard,
     HeightField,
+    ImplicitSurface,
     ParametricSurface,
     Particle,
-    Plane,
     Plate,
+    PointOnPlane,
     PointOnSurface,
     Prismatic,
     Pulley,
     Revolution,
     RigidBody,
     Rolling,
+    RollingDisk,
     Sphere,
     Torus,
     World,
@@ -52,6 +56,7 @@ KINDS: dict[str, Kind] = {
         lambda k: Revolution(lambda s: (k * ca.cos(s), 0.4 * k * ca.sin(s)), "rad", ends=(-1.2, 1.0)),
         lambda p, k: k * (np.hypot(p[:, 0], p[:, 1]) ** 2 / k**2 + (p[:, 2] / 0.4 / k) ** 2 - 1) + np.maximum(p[:, 2] - 0.4 * k * np.sin(1.0), 0),
     ),
+    "implicit": (lambda k: ImplicitSurface(lambda x, y, z: (x / k) ** 2 + 2 * (y / k) ** 2 + (z / k) ** 4 - 0.2, (k, 0, 0)), lambda p, k: k * (p[:, 0] ** 2 / k**2 + 2 * p[:, 1] ** 2 / k**2 + (p[:, 2] / k) ** 4 - 0.2)),
     "parametric": (lambda k: ParametricSurface(lambda a, b: (a, b, (a**2 + 2 * b**2) / k), "m"), lambda p, k: p[:, 2] - (p[:, 0] ** 2 + 2 * p[:, 1] ** 2) / k),
 }  # fmt: skip
 
@@ -119,7 +124,37 @@ def test_what_guides_points_and_what_is_struck_is_seen(guide: ac.System) -> None
     start = {scene.stone.frame.position: (0.41, 0.0, 0.9)} if not isinstance(guide, PointOnSurface) else {}
     shown = animation_of(ac.build(scene).simulate(0.1, start))
     assert sum(all(isinstance(shape, Wire) for shape in body.shapes) for body in shown.bodies) == 1
-    assert net(Plane(), np.zeros((3, 3))) == ()  # for which there is the floor
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_plane_is_seen_as_a_patch_under_what_moves_on_it_and_once_under_all(size: float) -> None:
+    """An incline, on which each of four feet has a frame of its own, and a floor, on which a wheel without a shape is seen by what rolls."""
+    scene = ac.System()
+    scene.world, scene.wheel = World(), RigidBody(1.0, (0.02 * size**2, 0.04 * size**2, 0.02 * size**2))
+    scene.rolls = RollingDisk(0.3 * size)
+    scene.box, scene.feet = RigidBody.box(1.0, (size, size, 0.1 * size)), [PointOnPlane(unilateral=True) for _ in range(4)]
+    for foot, (x, y) in zip(scene.feet, size * np.array([(0.4, 0.4), (0.4, -0.4), (-0.4, 0.4), (-0.4, -0.4)]), strict=True):
+        scene.connect(scene.world.at((x * np.cos(0.4), y, -x * np.sin(0.4)), rotation=("y", 0.4)), foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((x, y, 0.0)))
+    scene.connect(scene.world.frame, scene.rolls.frame_a)
+    scene.connect(scene.rolls.frame_b, scene.wheel.frame)
+    start = {scene.rolls.v: (0, 2.0 / np.sqrt(size), 0), scene.box.frame.position: (0, 0, size)}
+    run = ac.build(scene).simulate(0.3 * np.sqrt(size), start)
+    bodies = animation_of(run).bodies
+    floor, incline = (
+        body
+        for name in ("rolls", "feet")
+        for body in bodies
+        if body.name.startswith(name) and isinstance(body.shapes[0], shapes.Plane)
+    )
+    assert any(isinstance(shape, shapes.Disk) for body in bodies if body.name == "rolls" for shape in body.shapes)
+    for body, places in (
+        (floor, run[scene.wheel.frame.position]),
+        (incline, np.vstack([run[foot.point_b] for foot in scene.feet])),
+    ):
+        plane = body.shapes[0]
+        seen = rotated(body.quaternions[:1] * [1, -1, -1, -1], places - body.positions[0]) - np.array(plane.point)
+        assert np.abs(seen[:, :2]).max() < 0.5 * plane.size < 3 * size
 
 
 def test_satellites_and_weights_off_their_hinges_are_seen_and_long_motions_move() -> None:

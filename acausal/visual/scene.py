@@ -24,8 +24,8 @@ from acausal.parts.seen import AbstractSeenAlong
 from acausal.parts.span import AbstractSpan
 from acausal.parts.steps import Ball, Shift, Slide
 from acausal.visual.animation import Animation, JointMarker, MovingBody, MovingLink, Trail, rotated
-from acausal.visual.geometry import outside, support_points, vector_of
-from acausal.visual.shapes import PointMass, Polygon, Rod, Shape, Wire
+from acausal.visual.geometry import outside, support_points, turned_back, vector_of
+from acausal.visual.shapes import Plane, PointMass, Polygon, Rod, Shape, Wire
 from acausal.wording import compact
 
 _MOST_FRAMES = 3000
@@ -188,7 +188,37 @@ def _moved_along(run: Motion) -> tuple[MovingBody, ...]:
                 shapes.append(own)
                 poses.append(pose)
     positions, rotations = _poses(run, poses)
-    return tuple(MovingBody(n, s, p, _quaternions(R)) for n, s, p, R in zip(names, shapes, positions, rotations, strict=True))
+    found = (MovingBody(n, s, p, _quaternions(R)) for n, s, p, R in zip(names, shapes, positions, rotations, strict=True))
+    return _as_one_plane(tuple(found))
+
+
+def _as_one_plane(bodies: tuple[MovingBody, ...]) -> tuple[MovingBody, ...]:
+    """Planes that lie in one another, as of all wheels of a cart, are one that is as large as all."""
+    found: list[MovingBody] = []
+    for body in bodies:
+        plane = body.shapes[0]
+        if not isinstance(plane, Plane):
+            found.append(body)
+            continue
+        for k, other in enumerate(found):
+            one = other.shapes[0]
+            if not isinstance(one, Plane):
+                continue
+            back = turned_back(
+                other.quaternions, body.positions + rotated(body.quaternions, np.array(plane.point)) - other.positions
+            )
+            along = turned_back(other.quaternions, rotated(body.quaternions, np.array(plane.normal)))
+            away, size = back - np.array(one.point), plane.size + one.size
+            if (
+                np.abs(away @ one.normal).max() + size * (1 - along @ one.normal).max() < EDGE * size
+                and np.ptp(back, axis=0).max() < EDGE * size
+            ):
+                reach = 2 * np.abs(away[0]).max() + plane.size
+                found[k] = replace(other, shapes=(replace(one, size=max(one.size, float(reach))),))
+                break
+        else:
+            found.append(body)
+    return tuple(found)
 
 
 def _massless_rods(run: Motion) -> tuple[MovingBody, ...]:

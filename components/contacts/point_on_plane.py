@@ -13,9 +13,11 @@ from acausal.language.impact_laws import Restitution
 from acausal.parts.contact import AbstractContact
 from acausal.parts.joint import AbstractStepJoint
 from acausal.parts.pose import Pose, quaternion_from_matrix, rotation_to_axis, symbolic
+from acausal.parts.seen import AbstractSeenAlong
 from acausal.parts.steps import AbstractStep, Ball, Slide
 from components.contacts.laws import Coulomb
 from components.contacts.one_sided_point import OneSidedPoint, hard_law
+from components.geometry.net import net
 from components.geometry.surfaces import Plane
 from components.guides.rough_guide import RoughGuide
 
@@ -23,7 +25,7 @@ _ALONG_X, _ALONG_Y = (rotation_to_axis(np.array(axis)) for axis in ([1.0, 0.0, 0
 
 
 @final
-class PointOnPlane(AbstractStepJoint, AbstractContact):
+class PointOnPlane(AbstractStepJoint, AbstractContact, AbstractSeenAlong):
     """The origin of frame_b slides on the plane z = 0 of frame_a: a foot, a skid, the tip of a top on ice.
 
     Five freedoms; closing a loop, one row. q: unit quaternion of R_ab (4, scalar first), then x and y of frame_b's origin in
@@ -56,6 +58,9 @@ class PointOnPlane(AbstractStepJoint, AbstractContact):
         if law is not None:
             return OneSidedPoint(Plane(), law)
         return super().__new__(cls) if friction is None else RoughGuide(cls(), Plane(), friction)
+
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        return net(Plane(), places), ()
 
     def steps(self) -> tuple[AbstractStep, ...]:
         return (

@@ -17,20 +17,23 @@ from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, quaternion_from_matrix, quaternion_rate, rotation_from_quaternion, symbolic
+from acausal.parts.seen import AbstractSeenAlong
 from components.contacts.hard_contact import HardContact
 from components.contacts.laws import Coulomb
 from components.contacts.one_sided_point import hard_law
 from components.contacts.rough_contact import RoughContact
-from components.geometry.surfaces import Plane, Sphere
+from components.geometry.net import net
+from components.geometry.shapes import Ellipsoid
+from components.geometry.surfaces import AbstractSurface, Plane, Sphere
 
 
-class AbstractRollingBody(AbstractJoint, AbstractContact, ABC):
+class AbstractRollingBody(AbstractJoint, AbstractContact, AbstractSeenAlong, ABC):
     """A convex body, fixed in frame_b, rolls on the plane z = 0 of frame_a without slipping; z points to the body.
 
     Three velocities and no multiplier in a tree (Kane's form); closing a loop, one position row (touching) and two velocity rows
     (no slip, along x and y). Reactions are not limited: the contact can pull.
     q: unit quaternion of R_ab (4, scalar first), then x and y of frame_b's origin in frame_a [m]; its height follows from the
-    shape. v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s]. Must provide `contact_point`.
+    shape. v: angular velocity of frame_b against frame_a, in frame_b (3) [rad/s]. Must provide `contact_point` and `outside`.
     """
 
     q = Variable(
@@ -41,6 +44,14 @@ class AbstractRollingBody(AbstractJoint, AbstractContact, ABC):
     @abstractmethod
     def contact_point(self, n: ca.SX) -> ca.SX:
         """The body's lowest point (3, 1) [m] in frame_b, when the unit vector `n` (3, 1) of frame_b points up."""
+
+    @abstractmethod
+    def outside(self) -> AbstractSurface:
+        """What it looks like."""
+
+    @final
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        return net(Plane(), places), net(self.outside(), np.zeros((1, 3)), None)
 
     @final
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
@@ -132,6 +143,9 @@ class RollingBall(AbstractRollingBody):
     def contact_point(self, n: ca.SX) -> ca.SX:
         return -sx(self.radius) * n
 
+    def outside(self) -> Sphere:
+        return Sphere(self.radius)
+
     def looks_turned_round(self, behind_a: Inertia) -> bool:
         return is_round(behind_a)
 
@@ -151,3 +165,6 @@ class RollingEllipsoid(AbstractRollingBody):
     def contact_point(self, n: ca.SX) -> ca.SX:
         squares = sx(self.semi_axes) ** 2
         return -squares * n / ca.sqrt(ca.dot(squares * n, n))
+
+    def outside(self) -> Ellipsoid:
+        return Ellipsoid(self.semi_axes)

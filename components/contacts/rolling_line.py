@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
@@ -13,13 +13,15 @@ from acausal.language.expression import Scalar, Variable, scalar, sx
 from acausal.language.origin import origin
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose, rotation_about_z, rotation_to_axis
+from acausal.parts.seen import AbstractSeenAlong
+from components.geometry.net import net
 from components.geometry.surfaces import Cone, Cylinder, Plane, sharp
 
 _TO_Y = rotation_to_axis(np.array([0.0, 1.0, 0.0]))
 
 
 @final
-class RollingCylinder(AbstractJoint):
+class RollingCylinder(AbstractJoint, AbstractSeenAlong):
     """A cylinder of `radius` [m] > 0 about z of frame_b rolls on a `surface` of frame_a and touches it along a line. One freedom, no slip.
 
     On Cylinder(...), outside or `inside_out`, both axes are along z, and frame_b stays in the plane z = 0; on Plane(), the default, the axis is along y,
@@ -43,6 +45,9 @@ class RollingCylinder(AbstractJoint):
                 f"RollingCylinder of the radius {both[0]} m does not fit into the one of {both[1]} m ({origin()})."
             )
 
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        return net(self.surface, places), ()
+
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
         turn = q / sx(self.radius)
         if isinstance(self.surface, Plane):
@@ -53,7 +58,7 @@ class RollingCylinder(AbstractJoint):
 
 
 @final
-class RollingCone(AbstractJoint):
+class RollingCone(AbstractJoint, AbstractSeenAlong):
     """A cone with `half_angle` [rad] about z of frame_b, its apex at frame_b, rolls on a `surface` of frame_a with its apex at rest at frame_a's origin.
 
     On Cone(...), inside or `outside`, or on Plane(), the default: z = 0. It touches along a line. One freedom, no slip. q: the angle of that line from x
@@ -70,6 +75,9 @@ class RollingCone(AbstractJoint):
         self.surface = Plane() if surface is None else surface
         if not isinstance(self.surface, Cone | Plane):  # pyright: ignore[reportUnnecessaryIsInstance]
             raise ParameterError(f"RollingCone's surface is {shown(surface)} ({origin()}). Give Plane() or Cone(half_angle).")
+
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        return net(self.surface, places), ()
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
         own, cone = sx(self.half_angle), self.surface

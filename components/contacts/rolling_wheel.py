@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from typing import final
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
@@ -14,12 +14,19 @@ from acausal.parts.inertia import Inertia, is_round
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.motion import Motion
 from acausal.parts.pose import Matrix, Pose, product, rotation_about_z, rotation_to_axis, symbolic
+from acausal.parts.seen import AbstractSeenAlong
+from acausal.visual import shapes
+from acausal.visual.geometry import vector_of
+from components.geometry.net import net
+from components.geometry.surfaces import Plane
 from components.orientation import Axis, axis_vector, mounting
 
 _TO_Y = rotation_to_axis(np.array([0.0, 1.0, 0.0]))
+_THIN = 0.02
+"""Of its radius: how thick a thin disk is drawn."""
 
 
-class AbstractRollingWheel(AbstractJoint, AbstractContact, ABC):
+class AbstractRollingWheel(AbstractJoint, AbstractContact, AbstractSeenAlong, ABC):
     """A body of revolution about `axis` of frame_b rolls on the plane z = 0 of frame_a without slipping; z points to the body.
 
     Three velocities and no multiplier in a tree (Kane's form); closing a loop, one position row (touching) and two velocity rows (no
@@ -32,7 +39,7 @@ class AbstractRollingWheel(AbstractJoint, AbstractContact, ABC):
     v: angular velocity of frame_b against frame_a in the heading axes (3) [rad/s]: (lean', along the axle, cos(lean) yaw').
     yaw' = v[2] / cos(lean), spin' = v[1] - sin(lean) yaw'. Of a balanced wheel nothing depends on the spin, and v is constant where
     it rolls straight or around a circle. Singular only where the wheel lies flat, as the contact is.
-    O'Reilly, Intermediate Dynamics for Engineers (2nd ed.), 10.8. Must provide `lowest_point`, and an `axis` in its constructor.
+    O'Reilly, Intermediate Dynamics for Engineers (2nd ed.), 10.8. Must provide `lowest_point` and `outside`, and an `axis` in its constructor.
     """
 
     if_outside = "The wheel has fallen through its plane: it does not roll on its rim any more."
@@ -43,6 +50,14 @@ class AbstractRollingWheel(AbstractJoint, AbstractContact, ABC):
     @abstractmethod
     def lowest_point(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
         """Of the wheel that leans by the angle of this `sine` and `cosine` > 0: (along the axle, up in its plane) (2, 1) [m]."""
+
+    @abstractmethod
+    def outside(self) -> tuple[Any, ...]:
+        """Shapes that it looks like."""
+
+    @final
+    def seen_along(self, places: np.ndarray) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+        return net(Plane(), places), self.outside()
 
     @final
     def touch(self) -> tuple[Expression, Expression]:
@@ -151,6 +166,12 @@ class RollingDisk(AbstractRollingWheel):
     def lowest_point(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
         return ca.vertcat(0, -sx(self.radius))
 
+    def outside(self) -> tuple[Any, ...]:
+        radius, axis = self.radius, self.axis
+        if not (isinstance(radius, float) and isinstance(axis, np.ndarray)):
+            return ()
+        return (shapes.Disk(radius, _THIN * radius, vector_of(axis)),)
+
 
 @final
 class RollingTorus(AbstractRollingWheel):
@@ -166,3 +187,9 @@ class RollingTorus(AbstractRollingWheel):
 
     def lowest_point(self, sine: ca.SX, cosine: ca.SX) -> ca.SX:
         return ca.vertcat(-sx(self.tube) * sine, -sx(self.radius) - sx(self.tube) * cosine)
+
+    def outside(self) -> tuple[Any, ...]:
+        radius, tube, axis = self.radius, self.tube, self.axis
+        if not (isinstance(radius, float) and isinstance(tube, float) and isinstance(axis, np.ndarray)):
+            return ()
+        return (shapes.Torus(radius, tube, vector_of(axis)),)
