@@ -26,7 +26,8 @@ class AbstractLatch(AbstractReactiveForce, ABC):
     """Holds frame_b at frame_a while `held` is 1, and does nothing while that is 0. Must call `_make`, and provide `gap` and `ends`.
 
     It is fastened where `closes` rises through zero, let go where `opens` does, or by events of one's own: `ac.when(..., set=latch.closing())` and
-    `latch.opening()`. Positions stay as they are; of velocities it takes what it does not allow, with a plastic impact. `force` [N] and `torque` [N*m] on frame_b, in the axes
+    `latch.opening()`. Positions stay as they are; of velocities it takes what it does not allow, with a plastic impact. `held`: from the start on; there it is
+    assembled like a joint, places and velocities, where start values do not forbid that. `force` [N] and `torque` [N*m] on frame_b, in the axes
     of frame_a.
     """
 

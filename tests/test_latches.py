@@ -16,6 +16,7 @@ from acausal.parts.rotations import rotation_about
 from components import (
     Brake,
     EndStop,
+    Fixed,
     Gripper,
     Inertia,
     Latch,
@@ -26,6 +27,7 @@ from components import (
     Revolute,
     RigidBody,
     SlidingMass,
+    Spherical,
     Torque,
     TranslationalGround,
     TranslationalSpring,
@@ -524,3 +526,29 @@ def test_a_lift_whose_rope_breaks_is_caught_by_its_brake(kind: type, size: float
     times = np.cumsum([breaks, level / g, level / slows])
     assert [change.time for change in run.transitions] == pytest.approx(times, rel=1e-11)
     assert run[scene.rail.q][-1] == pytest.approx(-(level**2) / 2 * (1 / g + 1 / slows), rel=1e-11)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("turns", [True, False])
+def test_what_is_held_at_the_start_is_assembled_from_a_sketch_and_moves_along_as_with_a_joint(turns: bool, size: float) -> None:
+    ends = []
+    for kind in (PointLatch, Spherical) if turns else (Latch, Fixed):
+        scene = ac.System()
+        scene.world, scene.hinge = World(), Revolute(axis="y")
+        scene.rod = RigidBody.rod(1.0, (size, 0, 0), radius=0.05 * size)
+        scene.other = RigidBody.rod(1.5, (0, 0, -size), radius=0.1 * size, position=(0.95 * size, 0.04 * size, 0.02 * size))
+        scene.joint = kind(held=True) if kind in (PointLatch, Latch) else kind()
+        scene.connect(scene.world.frame, scene.hinge.frame_a)
+        scene.connect(scene.hinge.frame_b, scene.rod.frame)
+        scene.connect(scene.rod.tip, scene.joint.frame_a)
+        scene.connect(scene.joint.frame_b, scene.other.frame)
+        tip = scene.other.tip
+        asked = {scene.hinge.q: 0.3, scene.hinge.v: 1.2 / np.sqrt(size)}
+        more = {tip.position[1]: 0.3 * size, scene.other.frame.angular_velocity: (0.5 / np.sqrt(size), 0, 0)} if turns else {}
+        more |= {tip.position[0]: ac.near(0.95 * size)} if turns else {}
+        run = ac.build(scene).simulate(1.5 * np.sqrt(size), asked | more, rtol=1e-11)
+        assert run.energy_error() < 1e-9 and all(change.energy_lost < 1e-12 * run.kinetic_energy[0] for change in run.transitions)
+        gap = run[scene.rod.tip.position - scene.other.frame.position]
+        assert np.abs(gap).max() < 1e-10 * size
+        ends.append(np.concatenate([run[scene.hinge.q], run[tip.position / size].ravel()]))
+    assert ends[0] == pytest.approx(ends[1], abs=2e-8)

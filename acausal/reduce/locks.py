@@ -49,6 +49,18 @@ class Locks:
         """All that stays zero (2 n, 1)."""
         return ca.vertcat(self.held_places, self.held_speeds)
 
+    def places(self, k: int) -> slice:
+        """Of row k among all reactions."""
+        begin = sum(len(row.reactions) for row in self.rows[:k])
+        return slice(begin, begin + len(self.rows[k].reactions))
+
+    def held(self, u: np.ndarray, p: np.ndarray, arguments: Sequence[ca.SX]) -> tuple[int, ...]:
+        """Rows that are held at a start with these inputs (nu,) and parameters (np,), and not where they stand by then. `arguments`: symbols of both."""
+        given = ca.Function("held", list(arguments), [ca.vertcat(*(row.held for row in self.rows))])
+        holds = np.array(given(u, p)).ravel()
+        where = [any(isinstance(declared(s), Discrete) for s in ca.symvar(ca.vertcat(row.gap, row.apart))) for row in self.rows]
+        return tuple(k for k, anywhere in enumerate(where) if holds[k] == 1 and not anywhere)
+
 
 def locks_of(rows: Sequence[LockRows], motion: Motion) -> Locks:
     """Raises `ModelError` for a gap that is not one of positions, or that its reactions do not move."""

@@ -94,10 +94,18 @@ class InitialState:
 @on_one_thread
 def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: np.ndarray) -> InitialState:
     """Positions first, then velocities. Of several ways to close loops the one nearest to the sketch, over all joints; unspecified velocities are
-    zero where the constraints allow, else least over all joints.
+    zero where the constraints allow, else least over all joints. What locks hold at the start is closed, too, and moves along, where the start values allow it.
 
     Raises `StartValueError` for a start value that cannot be set or cannot be met, `AssemblyError` when a loop cannot close.
     """
+    locks = outputs.system.locks
+    if locks is not None and (held := locks.held(u, p, (outputs.system.u, outputs.system.p))):
+        problem = start_problem(outputs, start, held)
+        weights, data = start_data(problem, start, t0, p, u)
+        with problem.lock:
+            found, moving = _searched(problem, data, weights)
+        if moving is not None and moving.converged:
+            return finished(Account(problem, data, weights, found, moving))
     problem = start_problem(outputs, start)
     weights, data = start_data(problem, start, t0, p, u)
     with problem.lock:

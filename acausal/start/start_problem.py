@@ -47,15 +47,17 @@ class StartProblem:
     got: BoundFunction | None
     asked: tuple[tuple[Expression, bool], ...] = ()
     """Variables, and whether their values are met exactly."""
+    held: tuple[int, ...] = ()
+    """Which of the locks are closed, too."""
     lock: threading.Lock = field(default_factory=threading.Lock)
     """Bound functions serve one thread at a time."""
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _start_problem, (self.outputs, self.asked)
+        return _start_problem, (self.outputs, self.asked, self.held)
 
     def __deepcopy__(self, memo: dict[int, Any]) -> StartProblem:
         outputs = copy.deepcopy(self.outputs, memo)
-        return self if outputs is self.outputs else _start_problem(outputs, copy.deepcopy(self.asked, memo))
+        return self if outputs is self.outputs else _start_problem(outputs, copy.deepcopy(self.asked, memo), self.held)
 
     @functools.cached_property
     def size(self) -> int:
@@ -94,9 +96,9 @@ def _turns_fully(r: ReducedSystem, k: int) -> bool:
     return vanish(turned - rows, r.p, r.p_values)
 
 
-def start_problem(outputs: Outputs, start: Start) -> StartProblem:
-    """The searches for start values of these variables; made when first asked for. Raises `StartValueError`."""
-    known, same = outputs.start_problems, (tuple(start), tuple(map(type, start.values())))
+def start_problem(outputs: Outputs, start: Start, held: tuple[int, ...] = ()) -> StartProblem:
+    """The searches for start values of these variables, with these locks closed; made when first asked for. Raises `StartValueError`."""
+    known, same = outputs.start_problems, (tuple(start), tuple(map(type, start.values())), held)
     if same in known:
         return known[same]
     for key in start:
@@ -105,12 +107,12 @@ def start_problem(outputs: Outputs, start: Start) -> StartProblem:
                 f"start: the key {key!r} is not a variable. Use the variable itself, e.g. start={{scene.hinge.q: 0.3}}."
             )
     what = tuple((key, not isinstance(value, near)) for key, value in start.items())
-    asked = tuple((_identity(key), exact) for key, exact in what)
+    asked = (*((_identity(key), exact) for key, exact in what), held)
     problem = known.get(asked)
     if problem is None:
         if len(known) >= _KEPT:
             known.clear()
-        problem = known[asked] = known[same] = _start_problem(outputs, what)
+        problem = known[asked] = known[same] = _start_problem(outputs, what, held)
     return problem
 
 
@@ -160,7 +162,7 @@ def _identity(key: Expression) -> Hashable:
     return key.sx.shape, tuple(key.sx.sparsity().find()), tuple(s.element_hash() for s in symbols), key.leaves, steps
 
 
-def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> StartProblem:
+def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...], held: tuple[int, ...] = ()) -> StartProblem:
     r = outputs.system
     q, v = r.x[: r.nq, :], r.x[r.nq :, :]
     targets = _targets(outputs, what)
@@ -173,7 +175,7 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     data = ca.vertcat(wanted, r.t, r.u, r.p)
     free_q, free_v = _free_orientations(outputs)
     at_q, at_v = ([t for t, m in zip(targets, moving, strict=True) if m is kind] for kind in (False, True))
-    position, velocity = _closing(outputs)
+    position, velocity = _closing(outputs, held)
     turns, rates = turning_states(r)
     at = range(data.numel(), data.numel() + q.numel())
     positions = start_search("position", Unknowns(q, data, turns), wanted, position, at_q, r.q_start, free_q, r)
@@ -183,7 +185,7 @@ def _start_problem(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) 
     if targets:
         results = ca.densify(ca.vertcat(*(t.expression for t in targets)))
         got = BoundFunction.of(ca.Function("got", [ca.vertcat(r.x, data)], [results]))
-    return StartProblem(outputs, tuple(targets), positions, velocities, got, what)
+    return StartProblem(outputs, tuple(targets), positions, velocities, got, what, held)
 
 
 def _targets(outputs: Outputs, what: tuple[tuple[Expression, bool], ...]) -> list[Target]:
@@ -209,8 +211,8 @@ def _is_velocity(outputs: Outputs, leaf: Symbol) -> bool:
     return all(s.element_hash() in free for s in ca.symvar(outputs.resolve(leaf.of)))
 
 
-def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
-    """What positions and velocities must meet in any case: joints' invariants, loops, scalar equations; in the order of `closing`."""
+def _closing(outputs: Outputs, held: tuple[int, ...]) -> tuple[Closing, Closing]:
+    """What positions and velocities must meet in any case: joints' invariants, loops, scalar equations, in the order of `closing`; then what locks hold."""
     r = outputs.system
     loops = r.constraints.loops
     joints = [(f"the loop closed by joint '{rows.edge.name}' ({rows.edge.joint.created_at})", rows) for rows in loops]
@@ -222,21 +224,32 @@ def _closing(outputs: Outputs) -> tuple[Closing, Closing]:
         joint = item.edge.joint
         signs.append(joint.domain(r.x[item.q, :]))
         meant.append(((f"joint '{item.edge.name}' ({joint.created_at})", joint.if_outside), signs[-1].numel()))
+    locks = [] if r.locks is None else [(r.locks.rows[k], r.locks.places(k)) for k in held]
+    names = [(f"what {row.part.where} holds", own.stop - own.start) for row, own in locks]
+    signs += [0.5 - row.apart for row, _ in locks]
+    meant += [(None, row.apart.numel()) for row, _ in locks]
+    places = [r.locks.held_places[own] for _, own in locks if r.locks is not None]
+    speeds = [r.locks.held_speeds[own] for _, own in locks if r.locks is not None]
     position = (
         ("the joints' own conditions (lengths of quaternions, contacts)", r.constraints.joint_invariants.numel()),
         *((words, rows.position.numel()) for words, rows in joints),
         ("the equations of gears and sources", r.scalar.closing.numel()),
+        *names,
     )
     velocity = (
         *((words, rows.velocity.numel()) for words, rows in joints),
         ("the equations of scalar parts", r.scalar.velocity.numel() + r.scalar.given.numel()),
+        *names,
     )
     none = ca.SX(0, 1)
-    known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.closing.numel())
-    known_rates = Drawn.joined([*(rows.drawn for rows in loops), Drawn.exact(r.scalar.velocity.numel() + r.scalar.given.numel())])
+    more = sum(count for _, count in names)
+    known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.closing.numel() + more)
+    known_rates = Drawn.joined(
+        [*(rows.drawn for rows in loops), Drawn.exact(r.scalar.velocity.numel() + r.scalar.given.numel() + more)]
+    )
     return (
-        Closing(r.closing, position, ca.vertcat(none, *signs), tuple(meant), known),
-        Closing(r.velocity_closing, velocity, none, (), known_rates),
+        Closing(ca.vertcat(r.closing, *places), position, ca.vertcat(none, *signs), tuple(meant), known),
+        Closing(ca.vertcat(r.velocity_closing, *speeds), velocity, none, (), known_rates),
     )
 
 
