@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import functools
+
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
 
 import acausal as ac
 from components import (
     AngleSource,
+    CamFollower,
     Fixed,
     Gear,
     Prismatic,
@@ -264,3 +269,51 @@ def test_what_follows_does_not_depend_on_the_unit_of_length(unit: float):
     """A radius is larger than one in some units, and smaller in others."""
     scene = rack(RADIUS * unit)
     assert ac.build(scene).state_names == ac.build(rack()).state_names
+
+
+A, B, HEIGHTS, MASSES, INERTIA, RATIO = (0.13, 0.08), (1.1, 0.4), (0.03, -0.08, 0.05, 0.09, -0.02, 0.01), (1.3, 0.7), 0.4, -2.0
+TABLE = CubicSpline(np.linspace(0, 2 * np.pi, 7), (*HEIGHTS, HEIGHTS[0]), bc_type="periodic")
+
+
+@functools.cache
+def two_cams() -> np.ndarray:
+    """Angles of the shaft at 41 times, without units, of the one equation that it obeys."""
+
+    def rates(_: float, y: np.ndarray) -> list[float]:
+        u, m = 2 * y[0] + B[0], np.array(MASSES)
+        f = A[0] * np.sin(y[0]) + A[1] * np.cos(u)
+        slope = np.array([A[0] * np.cos(y[0]) - 2 * A[1] * np.sin(u), TABLE(y[0] / RATIO, 1) / RATIO])
+        bend = np.array([-A[0] * np.sin(y[0]) - 4 * A[1] * np.cos(u), TABLE(y[0] / RATIO, 2) / RATIO**2])
+        push = -m @ (slope * (9.81 + bend * y[1] ** 2)) - 40 * f * slope[0]
+        return [y[1], push / (INERTIA * (1 + 0.1 / RATIO**2) + m @ slope**2)]
+
+    return solve_ivp(rates, (0, 2), [0.3, 3.0], "DOP853", np.linspace(0, 2, 41), rtol=1e-12, atol=1e-13, max_step=0.01).y[0]
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("first", [True, False])
+def test_what_cams_lift_is_no_state(size: float, first: bool) -> None:
+    """Two followers, one of them on a shaft that a gear turns and by a periodic spline."""
+    scene = ac.System()
+    scene.world, scene.gear = World(gravity=(0, 0, -9.81)), Gear(RATIO)
+    by_table = CubicSpline(TABLE.x, size * TABLE(TABLE.x), bc_type="periodic")
+    scene.lifts = CamFollower(lambda phi: size * (A[0] * np.sin(phi) + A[1] * np.cos(2 * phi + B[0]))), CamFollower(by_table)
+    shafts, slides, inertia = [Revolute("y"), Revolute("y")], [Prismatic("z"), Prismatic("z")], INERTIA * size**2
+    bodies = [RigidBody(1.0, (i, i, i)) for i in (inertia, 0.1 * inertia)] + [RigidBody(m, (inertia,) * 3) for m in MASSES]
+    scene.joints, scene.bodies = [*shafts, *slides][:: 1 if first else -1], bodies[:: 1 if first else -1]
+    for joint, body in zip(scene.joints, scene.bodies, strict=True):
+        scene.connect(scene.world.frame, joint.frame_a)
+        scene.connect(joint.frame_b, body.frame)
+    scene.spring, scene.ground = TranslationalSpring(40.0 / size), TranslationalGround()
+    scene.connect(shafts[0].flange, scene.gear.flange_a, scene.lifts[0].shaft)
+    scene.connect(shafts[1].flange, scene.gear.flange_b, scene.lifts[1].shaft)
+    for lift, slide in zip(scene.lifts, slides, strict=True):
+        scene.connect(lift.follower, slide.flange)
+    scene.connect(scene.ground.flange, scene.spring.flange_a)
+    scene.connect(scene.spring.flange_b, slides[0].flange)
+    model = ac.build(scene)
+    assert model.degrees_of_freedom == 1 and len(model.state_names) == 2
+    run = model.simulate(2 * np.sqrt(size), {shafts[0].q: 0.3, shafts[0].v: 3.0 / np.sqrt(size)}, rtol=1e-12, samples=41)
+    assert run[shafts[0].q] == pytest.approx(two_cams(), abs=1e-9)
+    assert run[slides[1].q] == pytest.approx(size * TABLE(two_cams() / RATIO), abs=1e-9 * size)
+    assert run.energy_error() < 1e-9

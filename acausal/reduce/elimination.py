@@ -2,7 +2,8 @@
 
 Position constraints that are linear in coordinates with q' = v, with coefficients of numbers and parameters: gears between joints, racks, sources of
 angle and position. Velocity constraints with such coefficients (a disk that rolls upright along a line) are integrated; the
-constant of integration is found from the start values. Gauss and Jordan's elimination, largest coefficient first.
+constant of integration is found from the start values. Gauss and Jordan's elimination, largest coefficient first. Then what scalar equations say of such a
+coordinate by any function of the others: a cam's follower.
 """
 
 from __future__ import annotations
@@ -75,14 +76,34 @@ class _Relation:
         return replace(self, coefficients=ca.sparsify(coefficients), rest=self.rest - factor * other.rest)
 
 
-def eliminate(tree: Tree, position: ca.SX, velocity: ca.SX, moving: ca.SX, parameters: ca.SX, values: np.ndarray) -> Elimination:
+def eliminate(
+    tree: Tree, position: ca.SX, velocity: ca.SX, moving: ca.SX, parameters: ca.SX, values: np.ndarray, explicit: ca.SX
+) -> Elimination:
     """From constraints `position` (n, 1) and `velocity` (m, 1) in t, x, p, of which some may follow from the former.
 
-    `moving`: everything but the parameters that changes during a motion, without the time: states and inputs.
+    `moving`: everything but the parameters that changes during a motion, without the time: states and inputs. `explicit`: rows of `position` that may give a coordinate by any
+    function of others.
     """
     plain = _plain(tree)
     if not plain or not (position.numel() or velocity.numel()):
         return Elimination.none()
+    found = _linear_ones(tree, plain, position, velocity, moving, parameters, values)
+    q = tree.q[[k for k, _ in plain], :]
+    for row in ca.vertsplit(explicit) if explicit.numel() else ():
+        if not _linear(row, q, moving, tree.t):
+            found = _with_explicit(found, tree, plain, row, moving)
+    return found
+
+
+def _linear_ones(
+    tree: Tree,
+    plain: list[tuple[int, int]],
+    position: ca.SX,
+    velocity: ca.SX,
+    moving: ca.SX,
+    parameters: ca.SX,
+    values: np.ndarray,
+) -> Elimination:
     q, v = tree.q[[k for k, _ in plain], :], tree.v[[j for _, j in plain], :]
     of_positions, of_rates = _linear(position, q, moving, tree.t), _linear(velocity, v, moving, tree.t)
     turns = tree.turning[0][[k for k, _ in plain]]
@@ -110,6 +131,32 @@ def eliminate(tree: Tree, position: ca.SX, velocity: ca.SX, moving: ca.SX, param
         tuple(k for k, _ in places), tuple(j for _, j in places),
         ca.vertcat(ca.SX(0, 1), *constants), ca.vertcat(ca.SX(0, 1), *sources), tuple(r.size for r in known),
     )  # fmt: skip
+
+
+def _with_explicit(known: Elimination, tree: Tree, plain: list[tuple[int, int]], row: ca.SX, moving: ca.SX) -> Elimination:
+    """With one more coordinate, of those in which a row is linear with a constant slope, and that it gives by other positions; the last one, a length where there is one."""
+    as_written, row = row, known.put(row)
+    others = [s for s in ca.symvar(moving) if not ca.depends_on(tree.q, s)]
+    if others and ca.depends_on(row, ca.vertcat(*others)):
+        return known
+    slopes, before = ca.jacobian(row, tree.q), ca.jacobian(as_written, tree.q)
+    constant = [k for k in range(tree.q.numel()) if slopes[k].is_constant() and before[k].is_constant() and before[k].nnz()]
+    able = [(k, j) for k, j in plain if k in constant and abs(float(slopes[k])) > DEPENDENT * abs(float(before[k]))]
+    if not able:
+        return known
+    k, j = max(able, key=lambda pair: (not tree.turning[0][pair[0]], pair))
+    value = -ca.substitute(row, tree.q[k], ca.SX(0)) / slopes[k]
+    rate = known.put(ca.jtimes(value, tree.q, tree.rates) + ca.jtimes(value, tree.t, ca.SX(1)))
+    mine, given = ca.vertcat(tree.q[k], tree.v[j]), ca.vertcat(value, rate)
+    n, values = len(known.places), ca.substitute(list(known.values), [mine], [given]) if known.values else []
+    return replace(
+        known,
+        symbols=(*known.symbols[:n], tree.q[k], *known.symbols[n:], tree.v[j]),
+        values=(*values[:n], value, *values[n:], rate),
+        places=(*known.places, k),
+        rates=(*known.rates, j),
+        pivots=(*known.pivots, 1.0),
+    )
 
 
 def _plain(tree: Tree) -> list[tuple[int, int]]:

@@ -207,7 +207,13 @@ def state_space(system: ReducedSystem) -> StateSpace:
     """With the states that do not follow from others; with all, if none would be left."""
     moving = ca.vertcat(system.x, system.u)
     found = eliminate(
-        system.mechanics.tree, system.position_invariants, system.velocity_invariants, moving, system.p, system.p_values
+        system.mechanics.tree,
+        system.position_invariants,
+        system.velocity_invariants,
+        moving,
+        system.p,
+        system.p_values,
+        system.scalar.known_position,
     )
     nq = system.nq
     gone = {*found.places, *(nq + j for j in found.rates)}
