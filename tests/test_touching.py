@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq, root
+from scipy.spatial.transform import Rotation
 
 import acausal as ac
 from acausal import errors
@@ -43,6 +44,7 @@ from components import (
     RollingWithoutPivoting,
     Sliding,
     Sphere,
+    Spherical,
     Torque,
     Torus,
     Touching,
@@ -586,3 +588,39 @@ def test_random_bodies_on_random_ground_keep_their_energy(kind, law, decade, ben
         assert (
             np.max(np.abs(slip)) < 1e-13 * length if law.freedoms < 5 else np.max(np.abs(across)) < 1e-11 * np.max(np.abs(force))
         )
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_cube_by_its_support_turns_about_its_corner_until_an_edge_lies_down(size: float) -> None:
+    """As on a ball joint in that corner; a support that switches where its point does not jump is passed."""
+    half, time = 0.1 * size, np.sqrt(size)
+    spin = np.array([0.8, -0.5, 0.3]) / time
+    turned = Rotation.from_rotvec((0.35, -0.5, 0.1)).as_matrix()
+    scene = on(
+        Contact(ConvexShape(lambda n: half * (ca.fabs(n[0]) + ca.fabs(n[1]) + ca.fabs(n[2]))), Plane()),
+        RigidBody.box(2.0, (2 * half,) * 3),
+    )
+    start = {scene.body.frame.rotation: turned, scene.body.frame.angular_velocity: spin}
+    other = ac.System()
+    other.world, other.joint, other.body = World(), Spherical(), RigidBody.box(2.0, (2 * half,) * 3)
+    corner = -half * np.sign(turned[2])
+    other.connect(other.world.frame, other.joint.frame_a)
+    other.connect(other.joint.frame_b, other.body.at(corner))
+    lies = [ac.when(other.body.frame.rotation[2, k], stop=True) for k in range(3)]
+    pivots = ac.build(other).simulate(
+        3 * time, {other.body.frame.rotation: turned, other.body.frame.angular_velocity: spin}, rtol=1e-11, events=lies
+    )
+    with pytest.raises(errors.SimulationError, match=r"'guide' .*touches in more than one point") as told:
+        ac.build(scene).simulate(3 * time, start, rtol=1e-11)
+    run = told.value.trajectory
+    assert (
+        run.t[-1] == pytest.approx(pivots.t[-1], rel=1e-5) and 0.1 * time < run.t[-1]
+    )  # where the normal is within 1e-6 of a face
+    times = np.linspace(0, 0.99 * run.t[-1], 20)
+    assert run.at(times)[scene.body.frame.rotation] == pytest.approx(pivots.at(times)[other.body.frame.rotation], abs=1e-9)
+    bulge = on(
+        Contact(ConvexShape(lambda n: half * (ca.norm_2(n) + ca.fmax(n[0], 0) ** 2 / ca.norm_2(n))), Plane()),
+        RigidBody.ball(2.0, half),
+    )
+    run = ac.build(bulge).simulate(3 * time, {bulge.body.frame.angular_velocity: (0, 3.0 / time, 0)}, rtol=1e-10)
+    assert run.energy_error() < 1e-8 and np.ptp(np.sign(run[bulge.body.frame.rotation[2, 0]])) == 2

@@ -21,6 +21,8 @@ _NOTHING, _FLAT = 1e-9, 1e-3
 """Of the width: the radius of an edge; and 1 / that of a flat face."""
 _NORMALS = np.vstack([np.eye(3), np.random.default_rng(1).normal(size=(64, 3))])
 """At which a shape is looked at."""
+_HALVINGS, _JUMP = 40, 1e-6
+"""Towards a switch of a support; of its size, what its point jumps by there and does not move by."""
 _SMOOTH = 0.5
 """What is 1 where it is smooth, and is well so."""
 
@@ -142,6 +144,7 @@ class ConvexShape(AbstractShape):
     def __init__(self, distance: Callable[[ca.SX], Any]) -> None:
         self._n = ca.SX.sym("n", 3)
         self.distance = place("ConvexShape", distance, "n", self._n, rows=1)
+        self._faces = self._flat_faces()
         self.start = self._checked_start()  # pyright: ignore[reportAttributeAccessIssue]
 
     def touching(self, n: ca.SX) -> ca.SX:
@@ -153,7 +156,34 @@ class ConvexShape(AbstractShape):
         total = ca.trace(radii)
         size, product = width**2 + total**2, (total**2 - ca.trace(radii @ radii)) / 2
         convex = 1 + ca.vertcat(product / size, total / ca.sqrt(size)) / _NOTHING
-        return ca.vertcat(convex / ca.sqrt(1 + convex**2), width**2 / (width**2 + (_FLAT * total) ** 2))
+        angles = ca.fabs(ca.substitute(self._faces, self._n, n))
+        off_faces = angles / ca.sqrt(angles**2 + _FLAT**2) - LYING / _FLAT
+        return ca.vertcat(convex / ca.sqrt(1 + convex**2), width**2 / (width**2 + (_FLAT * total) ** 2), off_faces)
+
+    def _flat_faces(self) -> ca.SX:
+        """Angles (k, 1) from normals of faces and edges that are flat or straight: where the support switches, if its point jumps there, parameters as they are."""
+        n, found = self._n, list[ca.SX]()
+        known = declared_in(self.distance)
+        values = [symbol.value if isinstance(symbol, Parameter) else 0.0 for symbol in known]
+        given = ca.vertcat(ca.SX(0, 1), *(symbol.sx for symbol in known))
+        for value in _switching(self.distance):
+            look = ca.Function("look", [n, given], [value, ca.gradient(self.distance, n)])
+
+            def at(normal: np.ndarray, look: ca.Function = look) -> tuple[float, np.ndarray]:
+                seen, point = look(normal / np.linalg.norm(normal), values)
+                return float(seen), np.array(point).ravel()
+
+            sides = [[normal for normal in _NORMALS if (at(normal)[0] < 0) is below] for below in (False, True)]
+            for first, second in zip(*sides, strict=False):
+                pair = first, second
+                for _ in range(_HALVINGS):
+                    middle = (pair[0] + pair[1]) / 2
+                    pair = (pair[0], middle) if at(middle)[0] < 0 else (middle, pair[1])
+                points = [at(end)[1] for end in pair]
+                if np.linalg.norm(points[0] - points[1]) > _JUMP * np.max(np.abs(points)):
+                    found.append(value / ca.norm_2(ca.gradient(value, n)))
+                    break
+        return ca.vertcat(ca.SX(0, 1), *found)
 
     def _distance(self, n: ca.SX) -> ca.SX:
         return ca.substitute(self.distance, self._n, n)
@@ -182,3 +212,20 @@ class ConvexShape(AbstractShape):
                 )
             smooth += [normal] * bool((convex > _SMOOTH).all())
         return turned_to(smooth[0] if smooth else _NORMALS[0])
+
+
+def _switching(expression: ca.SX) -> list[ca.SX]:
+    """Values whose signs say how it is formed: of absolute values, least and largest ones, and conditions."""
+    stack, seen, found = [expression], set[int](), list[ca.SX]()
+    while stack:
+        node = stack.pop()
+        if node.element_hash() in seen:
+            continue
+        seen.add(node.element_hash())
+        under = [node.dep(i) for i in range(node.n_dep())]
+        stack += under
+        if under and node.op() in (ca.OP_FABS, ca.OP_SIGN):
+            found.append(under[0])
+        elif under and node.op() in (ca.OP_LT, ca.OP_LE, ca.OP_FMIN, ca.OP_FMAX):
+            found.append(under[0] - under[1])
+    return found
