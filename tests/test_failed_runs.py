@@ -11,6 +11,7 @@ import acausal as ac
 from acausal.errors import AccuracyWarning, SimulationError, StartValueError
 from components import (
     AngleSource,
+    Contact,
     HeightField,
     ParametricCurve,
     Particle,
@@ -18,6 +19,8 @@ from components import (
     PointOnSurface,
     Revolute,
     RigidBody,
+    Rolling,
+    Sphere,
     World,
 )
 
@@ -138,3 +141,23 @@ def test_a_ground_without_a_value_where_a_motion_begins_is_told_with_its_line(la
     scene.connect(scene.ground.frame_b, scene.bead.point)
     with pytest.raises(StartValueError, match=r"'ground' .*no meaning at the start.*not a number there"):
         ac.build(scene).simulate(0.1, {scene.ground.q: (0.0, 0.0)})
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("rolls", [False, True])
+def test_the_rim_of_a_dome_where_it_is_upright_is_told_with_its_place(rolls: bool, size: float) -> None:
+    """A bead and a ball on z = 0.1 sqrt(1 - r^2 / 4), whose rim is at r = 2 and upright."""
+    dome = HeightField(lambda x, y: 0.1 * ca.sqrt(size**2 - 0.25 * (x**2 + y**2)))
+    scene = ac.System()
+    scene.world, scene.body = World(), RigidBody.ball(1.0, 0.05 * size) if rolls else Particle(1.0)
+    scene.ground = Contact(Sphere(0.05 * size), dome, Rolling()) if rolls else PointOnSurface(dome)
+    scene.connect(scene.world.frame, scene.ground.frame_a)
+    scene.connect(scene.ground.frame_b, scene.body.frame if rolls else scene.body.point)
+    end = scene.body.frame if rolls else scene.body.point
+    start = {end.position[0]: -1.0 * size, end.position[1]: 0.3 * size, end.velocity[0]: 2.0 * np.sqrt(size)}
+    with pytest.raises(SimulationError, match=r"'ground' .*slope is infinite") as told:
+        ac.build(scene).simulate(3 * np.sqrt(size), start)
+    assert "inertia" not in str(told.value)
+    name = "ground.frame_b.position" if rolls else "ground.q"
+    place = [float(str(told.value).split(f"{name}[{k}] = ")[1].split(",")[0].split(". ")[0]) / size for k in (0, 1)]
+    assert np.hypot(*place) == pytest.approx(2.05 if rolls else 2.0, abs=1e-3)

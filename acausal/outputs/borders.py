@@ -7,8 +7,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.language.expression import Expression
 from acausal.outputs.outputs import Outputs
 from acausal.parts.bounded import AbstractBounded
+from acausal.parts.joint import AbstractJoint
+from acausal.wording import entry_names
 
 _SHOWN = 3
 """Coordinates of a joint that are told in words; more say nothing to a reader."""
@@ -47,14 +50,20 @@ def borders(outputs: Outputs) -> tuple[Border, ...]:
     for item in outputs.system.tree_joints:
         joint = item.edge.joint
         who, q = f"'{item.edge.name}' ({joint.created_at})", joint.q.sx
-        name = outputs.name(joint.q)
-        names = tuple(f"{name}[{k}]" for k in range(q.numel())) if q.numel() > 1 else (name,)
-        names, q_shown = (names, q) if q.numel() <= _SHOWN else ((), ca.SX(0, 1))
         for values, why, sized in ((joint.domain(q), joint.if_outside, True), (joint.regular(q), joint.if_singular, False)):
-            found.append(Border(who, why, outputs.resolve(values), outputs.resolve(q_shown), names, sized))
+            if values.numel():
+                names, shown = _shown(outputs, joint)
+                found.append(Border(who, why, outputs.resolve(values), outputs.resolve(shown), names, sized))
     for part in outputs.system.flat.parts:
         bounded = part.component
         if isinstance(bounded, AbstractBounded):
             who, values = f"'{part.path}' ({bounded.created_at})", outputs.resolve(bounded.inside())
             found.append(Border(who, bounded.if_outside, values, ca.SX(0, 1), ()))
     return tuple(border for border in found if border.values.numel())
+
+
+def _shown(outputs: Outputs, joint: AbstractJoint) -> tuple[tuple[str, ...], Expression]:
+    """What is told of where a joint is, and its names: its coordinates, or where its frame_b is."""
+    shown = joint.q if joint.q.size <= _SHOWN else joint.frame_b.position
+    name = outputs.name(shown)
+    return entry_names(name, shown.sx.numel()), shown
