@@ -437,26 +437,6 @@ def test_accelerations_are_given_by_functions_and_inputs(turning):
         assert run.energy_error() < 1e-10
 
 
-def test_a_cam_lifts_its_follower():
-    """One freedom: (J + m lift'^2) phi'' + m lift' lift'' phi'^2 = 0, so that the energy stays in it."""
-    times = np.linspace(0, 2 * np.pi, 13)
-    for lift in (lambda phi: 0.1 * np.cos(phi), CubicSpline(times, 0.1 * np.cos(times), bc_type="periodic")):
-        scene = ac.System()
-        scene.world, scene.shaft, scene.slide, scene.cam = World(None), Revolute("z"), Prismatic("x"), CamFollower(lift)
-        scene.wheel, scene.rod = RigidBody(1.0, (0.02, 0.02, 0.03)), RigidBody(2.0, (1, 1, 1))
-        scene.connect(scene.world.frame, scene.shaft.frame_a, scene.slide.frame_a)
-        scene.connect(scene.shaft.frame_b, scene.wheel.frame)
-        scene.connect(scene.slide.frame_b, scene.rod.frame)
-        scene.connect(scene.cam.shaft, scene.shaft.flange)
-        scene.connect(scene.cam.follower, scene.slide.flange)
-        model = ac.build(scene)
-        assert model.degrees_of_freedom == 1
-        run = model.simulate(3.0, {scene.shaft.q: 0.3, scene.shaft.v: 2.0}, rtol=1e-10)
-        phi = run[scene.shaft.q]
-        assert np.max(np.abs(run[scene.slide.q] - np.array(lift(phi)))) < 1e-10
-        assert run.energy_error() < 1e-9
-
-
 # cables
 
 
