@@ -163,8 +163,8 @@ class Component(metaclass=PartClass):
             similar = difflib.get_close_matches(name, known, n=1)
             declarations = [*declared(type(self), Connector), *declared(type(self), Variable)]
             has = ", ".join(dict.fromkeys([*declarations, *own])) or "nothing yet; assign parts first: self.name = ..."
-            hint = f" Did you mean '{similar[0]}'?" if similar else f" It has: {has}."
-            raise AttributeError(f"{self!r} has no '{name}'.{hint}")
+            hint = f" Did you mean '{similar[0]}'?" if similar else ""
+            raise AttributeError(f"{self!r} has no '{name}'.{hint} It has: {has}.")
 
     def __repr__(self) -> str:
         return f"{type(self).__name__} (made at {self.created_at})" if self.created_at else type(self).__name__

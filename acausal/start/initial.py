@@ -7,10 +7,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, NoReturn
 
+import casadi as ca
 import numpy as np
 
 from acausal.collocation.problem import Directions
+from acausal.errors import StartValueError
 from acausal.numerics.one_thread import on_one_thread
+from acausal.numerics.thresholds import EDGE
+from acausal.parts.unit_quaternions import unit_quaternions
 from acausal.start.open_derivatives import by_search
 from acausal.start.start_problem import StartProblem, start_problem
 from acausal.start.start_search import Search
@@ -111,6 +115,7 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
     with problem.lock:
         found, moving = _searched(problem, data, weights)
         if moving is None:
+            _check_lengths(problem, data)
             _complain(problem.positions, found, data)
         if not moving.converged:
             _complain(problem.velocities, moving, np.concatenate([data, found.y]))
@@ -129,6 +134,21 @@ def _searched(problem: StartProblem, data: np.ndarray, weights: np.ndarray) -> t
         if crossing.converged:
             return there, crossing
     return found, moving
+
+
+def _check_lengths(problem: StartProblem, data: np.ndarray) -> None:
+    """Raises `StartValueError` for a quaternion that is given, and that no rotation has."""
+    r = problem.outputs.system
+    q = r.x[: r.nq, :]
+    for at in unit_quaternions(r.constraints.joint_invariants, q).values():
+        for target in problem.targets:
+            own = target.expression[:4, :] if target.expression.numel() >= 4 else ca.SX(0, 1)
+            length = float(np.linalg.norm(data[target.place][:4]))
+            if target.exact and own.numel() and ca.is_equal(own, q[at : at + 4, :]) and abs(length - 1) > EDGE:
+                raise StartValueError(
+                    f"start value of {target.name}: its quaternion {np.array2string(data[target.place][:4], separator=', ')} has the length {length:.6g}, and that of "
+                    "a rotation has 1. Divide it by that, or say how frame_b.rotation is in another way."
+                )
 
 
 def _complain(search: Search, found: Found, data: np.ndarray) -> NoReturn:

@@ -19,6 +19,7 @@ from components.contacts.laws import AbstractTouchingLaw, Rolling, checked_touch
 from components.contacts.meeting import AbstractMeeting, MeetingByCoordinates, meeting
 from components.contacts.nearness import Nearness, nearness, touched
 from components.geometry.net import net
+from components.geometry.shapes import AbstractShape
 from components.geometry.surfaces import APEX, AbstractSurface, Parallel, checked_surface
 
 _ANGLES = (0.0, np.pi / 2, np.pi / 4, 3 * np.pi / 4)
@@ -52,6 +53,11 @@ class Touching(AbstractJoint, AbstractContact, AbstractSeenAlong):
     def __init__(self, shape: AbstractSurface, surface: AbstractSurface, law: AbstractTouchingLaw | None = None) -> None:
         self.shape, self.surface = checked_surface(shape, "Touching", "shape"), checked_surface(surface, "Touching")
         self.law = checked_touching(Rolling() if law is None else law, "Touching")
+        if isinstance(surface, AbstractShape) and _value(ca.det(surface.metric(ca.SX(ca.DM(surface.start)))))[0] == 0:
+            raise ParameterError(
+                f"The surface of {type(surface).__name__} has edges or corners, along which nothing rolls ({origin()}). If it rolls itself, exchange shape and surface, "
+                "and with them frame_a and frame_b: the shape is that of frame_b's body."
+            )
         own = len(meeting(shape, surface).start)
         start = (*_start(shape, surface), *(() if self.law.holds else (0.0,)))
         self._own, self._place = slice(0, own), slice(own, own + len(surface.start))

@@ -24,6 +24,9 @@ class Prismatic(AbstractStepJoint):
         scene.rail = Prismatic(axis="x")
     """
 
+    if_given_arguments = (
+        "Springs, dampers, motors and stops are parts of their own, connected to its flange; friction in it is a JointFriction."
+    )
     flange = Translational.port()
     q = Variable("m", "displacement")
     v = Variable("m/s", "velocity")

@@ -25,6 +25,9 @@ class Revolute(AbstractStepJoint):
         scene.hinge = Revolute(axis="y")
     """
 
+    if_given_arguments = (
+        "Springs, dampers, motors and stops are parts of their own, connected to its flange; friction in it is a JointFriction."
+    )
     flange = Rotational.port()
     q = Variable("rad", "angle")
     v = Variable("rad/s", "angular velocity")
