@@ -11,6 +11,8 @@ import acausal as ac
 from acausal import errors
 from components import (
     Cone,
+    Contact,
+    Disk,
     Fixed,
     Force,
     Hard,
@@ -230,6 +232,17 @@ def time_outside() -> None:
     ac.build(Pendulum()).simulate(1.0).at(2.0)
 
 
+def ball_joint_from(quaternion: tuple[float, ...]) -> Callable[[], object]:
+    def call() -> object:
+        scene = ac.System()
+        scene.world, scene.ball, scene.box = World(), Spherical(), RigidBody.box(1.0, (0.1, 0.2, 0.3))
+        scene.connect(scene.world.frame, scene.ball.frame_a)
+        scene.connect(scene.ball.frame_b, scene.box.frame)
+        return ac.build(scene).simulate(0.1, {scene.ball.q: quaternion})
+
+    return call
+
+
 CASES: list[tuple[str, Callable[[], object], type[Exception], tuple[str, ...]]] = [
     ("unconnected", unconnected, errors.UnconnectedError, ("extra.frame_b", HERE, "connect both")),
     ("frame to flange", frame_to_flange, errors.IncompatibleError, ("tip of RigidBody", "flange_a of Inertia", HERE)),
@@ -297,6 +310,11 @@ CASES: list[tuple[str, Callable[[], object], type[Exception], tuple[str, ...]]] 
     ("source on nothing", lambda: _alone(TorqueSource(1.0)), errors.UnconnectedError, ("drives nothing",)),
     ("step of odd order", lambda: ac.build(Pendulum()).step("gauss", 3), errors.OptionError, ("order 3",)),
     ("joint between particles", lambda: Spherical.between(Particle(1.0), Particle(1.0), at=(0, 0, 0)), errors.IncompatibleError, ("Particle",)),
+    ("no unit quaternion", ball_joint_from((1.0, 1.0, 0.0, 0.0)), errors.StartValueError, ("ball.q", "length 1.41421", "rotation has 1", "frame_b.rotation")),
+    ("quaternion of few digits", ball_joint_from((0.707, 0.707, 0.0, 0.0)), errors.StartValueError, ("ball.q", "length 0.999849")),
+    ("damping of a joint", lambda: Revolute("y", damping=0.1), errors.ParameterError, ("no argument 'damping'", "connected to its flange", HERE)),  # pyright: ignore
+    ("rolling on an edge", lambda: Contact(Plane(), Disk(0.1)), errors.ParameterError, ("Disk has edges", "exchange shape and surface", HERE)),
+    ("Modelica's name of an angle", lambda: Revolute("y").phi, AttributeError, ("no 'phi'", "It has: ", "q, v")),  # pyright: ignore
     ("joint placed nowhere", lambda: Revolute.between(World(), RigidBody.ball(1.0, 0.1), axis="y"), errors.ParameterError, ("at=",)),
 ]  # fmt: skip
 
