@@ -494,11 +494,25 @@ static double step_error(Integrator *I, Stages *S, double h) {
 
 #define ESCAPED 16 /* changes that grow by more are no rounding */
 
+#define NO_MOTION 1e3 /* times what moves a state at the start of a step: so fast it moves in no stage that is near the motion */
+
+/* Whether the rates of some stage are out of all proportion to the motion, of states that move or have moved: scales that grow with them do not show that they diverge. */
+static int has_escaped(Integrator *I, const Stages *S, double h) {
+    struct State *T = I->state;
+    if (!rate_at(I, I->t, I->x, T->increment)) return 1;
+    for (long i = 0; i < I->nx; i++) {
+        double most = 0, moves = fabs(T->increment[i]) + T->size[i] / fabs(h);
+        for (long b = 0; b < S->blocks; b++) most = fmax(most, v_largest(v_abs(S->K[b][i])));
+        if (moves > 0 && most > NO_MOTION * moves) return 1;
+    }
+    return 0;
+}
+
 /* Whether an iteration that did not converge stopped at what rounding makes of the rates; it may be tried again, this being forgiven. Where it
    diverges, states are so large in the end that rounding would forgive whatever they are. */
 static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
-    if (S->around || T->noisy || !(T->change < INFINITY) || T->grown > ESCAPED) return 0;
+    if (S->around || T->noisy || !(T->change < INFINITY) || T->grown > ESCAPED || has_escaped(I, S, h)) return 0;
     sample_noise(I, S, 0, 0);
     double noise = 2 * moved_by(I, T->noise, h) * sqrt((double)I->nx);
     if (noise > LEFT && T->change < noise) return 1;
