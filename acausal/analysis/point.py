@@ -34,8 +34,8 @@ def operating_point(functions: Functions, at: Situation, states: Sequence[float]
 
     Raises `StartValueError` when these have another length, or violate the constraints, and where what parts remember begins with no number.
     """
-    x = at.initial(functions).x if states is None else consistent_states(functions, states, at.t0, at.p)
     u, given, modes = at.u(functions), at.discretes(functions), functions.modes
+    x = at.initial(functions).x if states is None else consistent_states(functions, states, at.t0, u, at.p)
     if given is not None and given.size:
         assert modes is not None and modes.set is not None
         remembered = u[u.size - given.size :]

@@ -46,7 +46,7 @@ class ModeFunctions:
     reactions that are carried on: since when, n of them, and their rates; and `discretes`, which are `set`.
 
     `guards`: (t, x, u, p) -> positive as long as the masks are right: one for each one-sided row, two for each friction and each magnitude. `decision`: (t, x, u, p) -> what
-    modes are decided by, see modes.h, but for `terms`, the sizes of what gaps are made of and -1 where there is none, at its end. `invariants`, `projection`: (t, x, masks, p) -> everything that stays zero in a mode, and one Newton step
+    modes are decided by, see modes.h, but for `terms`, the sizes of what gaps are made of and -1 where there is none, at its end. `invariants`, `projection`: (t, x, u, p) -> everything that stays zero in a mode, and one Newton step
     towards it. `words`: what each law is called.
     """
 

@@ -65,9 +65,9 @@ class Exact:
 
 @dataclass(frozen=True)
 class Problem:
-    """x' = rhs(t, x, u, p), with invariants g(t, x, p) = 0 that hold along exact solutions.
+    """x' = rhs(t, x, u, p), with invariants g(t, x, u, p) = 0 that hold along exact solutions.
 
-    `rhs`: (t, x[nx], u[nu], p[np]) -> x'[nx]. `invariants`: (t, x, p) -> g. `project`: (t, x, p) -> x, one Newton correction
+    `rhs`: (t, x[nx], u[nu], p[np]) -> x'[nx]. `invariants`: (t, x, u, p) -> g. `project`: (t, x, u, p) -> x, one Newton correction
     towards g = 0. `inputs`: times (n,) -> u (nu, n). `parameters`: (np,). `constant_inputs`: (nu,) where inputs do not change. `native`: kernels of the
     same functions (a `NativeProblem`), made by whoever integrates where they are missing. `guards`: zeros to be located. `met`:
     (nx,) largest magnitudes of states before the start. `clearance`: (t, x, p) -> 0 where branches of the motion cross, about 1 far away;

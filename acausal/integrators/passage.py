@@ -84,7 +84,7 @@ class Passage:
     def projected(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """(n, nx), once."""
         assert self.problem.project is not None
-        return np.array(self.problem.project(t[None, :], X.T, self._p(t.size))).T
+        return np.array(self.problem.project(t[None, :], X.T, self.problem.inputs(t), self._p(t.size))).T
 
     def is_crossing(self, t: float, x: np.ndarray) -> bool:
         """Whether a state is next to a singular position, where closing loops only adds rounding errors."""

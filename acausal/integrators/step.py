@@ -36,8 +36,7 @@ def step_function(
 
     The stage rates are found by CasADi's `fast_newton`, which generates C and has exact derivatives, but may return NaN as
     success: `residual` is the largest error of the stage equations (NaN counts), and must be checked where it matters.
-    `project`: (t, x, p) -> x nearer to the invariants, where there are any; x_next is brought onto them, as in `simulate`; (t, x, masks, p) where the
-    last inputs are masks.
+    `project`: (t, x, u, p) -> x nearer to the invariants, where there are any; x_next is brought onto them, as in `simulate`.
     `holds`: (t, x, u, p) -> margin; where it is negative at the beginning, the residual is infinite.
     The inputs u are held over the step. Raises `OptionError` for an order that the method does not have.
     """
@@ -74,8 +73,7 @@ def step_function(
     after = xm + hm * (ca.reshape(found, nx, s) @ ca.DM(tableau.b))
     for _ in range(_PROJECTIONS if project is not None and nx else 0):
         assert project is not None
-        masks = [um[um.numel() - project.size1_in(2) :]] if project.n_in() == 4 else []
-        after = project(tm + hm, after, *masks, pm)
+        after = project(tm + hm, after, um, pm)
     left = ca.mmax(ca.fabs(system(found, tm, xm, um, pm, hm))) if nx else ca.MX(0)
     nan_safe = ca.if_else(ca.sum1(found) == ca.sum1(found), left, np.inf) if nx else left
     nan_safe = nan_safe if holds is None else ca.if_else(holds(tm, xm, um, pm) >= 0, nan_safe, np.inf)

@@ -176,7 +176,7 @@ class MinimalModel(AbstractModel):
         t, y, u, p = self._symbols
         invariants = self.atlas.functions.invariants
         x = self._equations.expand(t, y, p, self.chart.reference)
-        total = ca.SX(0) if invariants is None else ca.sumsqr(invariants(t, x, p))
+        total = ca.SX(0) if invariants is None else ca.sumsqr(invariants(t, x, u, p))
         return folded_function("residual", [t, y, u, p], [ca.densify(ca.sqrt(total))], ["t", "y", "u", "p"], ["residual"])
 
     @functools.cached_property
@@ -290,7 +290,7 @@ def minimal_model(functions: Functions, at: Situation, prefer: Sequence[Variable
 
 
 def _chart(atlas: Atlas, t: float, x: Any, p: np.ndarray, prefer: tuple[int, ...]) -> Chart:
-    state = consistent_states(atlas.functions, x, t, p)
+    state = consistent_states(atlas.functions, x, t, atlas.functions.outputs.system.u_defaults, p)  # no inputs stand in the invariants
     check_decided(atlas.functions.outputs.system, t, state, p)
     for begin in atlas.manifold.coordinates.units:
         state[begin : begin + 4] /= np.linalg.norm(state[begin : begin + 4])

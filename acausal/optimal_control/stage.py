@@ -167,7 +167,7 @@ class Stage:
         """What is off of loops and of lengths of quaternions, and how many of these rows are of positions; the first ones."""
         f, mode = self.functions, self.mode
         positions = 0 if f.invariants is None else f.constraint_position.numel_out(0)
-        rows = ca.SX(0, 1) if f.invariants is None else f.invariants(f.outputs.system.t, f.space.x, f.space.p)
+        rows = ca.SX(0, 1) if f.invariants is None else f.invariants(*f.space.arguments)
         gaps, speeds = f.space.put(mode.gaps), f.space.put(mode.speeds)
         return ca.vertcat(rows[:positions, :], gaps, rows[positions:, :], speeds), positions + gaps.numel()
 

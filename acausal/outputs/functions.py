@@ -209,9 +209,8 @@ class Functions:
     def watched(self) -> ca.Function:
         """(t, x, u, p) -> kinetic energy, potential energy [J], all invariants, and loop rows that follow from these."""
         space = self.space
-        t, x, _, p = space.arguments
         energies = space.put(ca.vertcat(self.outputs.kinetic_energy, self.outputs.potential_energy))
-        rows = ca.SX(0, 1) if self.invariants is None else self.invariants(t, x, p)
+        rows = ca.SX(0, 1) if self.invariants is None else self.invariants(*space.arguments)
         following = space.put(self.outputs.system.constraints.dropped)
         return ca.Function("watched", space.arguments, [ca.densify(ca.vertcat(energies, rows, following))])
 
@@ -267,21 +266,21 @@ class Functions:
 
     @functools.cached_property
     def invariants(self) -> ca.Function | None:
-        """(t, x, p) -> everything that stays zero along a motion; None if there is nothing."""
+        """(t, x, u, p) -> everything that stays zero along a motion; None if there is nothing."""
         s = self.outputs.system
         rows = self.space.constraints(ca.vertcat(s.position_invariants, s.velocity_invariants))
         if not rows.numel():
             return None
-        return folded_function("invariants", [s.t, self.space.x, self.space.p], [ca.densify(rows)], ["t", "x", "p"], ["g"])
+        return folded_function("invariants", self.space.arguments, [ca.densify(rows)], [*"txup"], ["g"])
 
     @functools.cached_property
     def projection(self) -> ca.Function | None:
-        """(t, x, p) -> x, one Newton step towards zero invariants in the mass metric; None if there is nothing to project."""
+        """(t, x, u, p) -> x, one Newton step towards zero invariants in the mass metric; None if there is nothing to project."""
         s = self.outputs.system
         if s.projection is None or self.invariants is None:
             return None
         result = ca.densify(self.space.kept(s.projection))
-        return ca.Function("projection", [s.t, self.space.x, self.space.p], [result], ["t", "x", "p"], ["x_next"])
+        return ca.Function("projection", self.space.arguments, [result], [*"txup"], ["x_next"])
 
     @functools.cached_property
     def clearance(self) -> ca.Function | None:
@@ -335,7 +334,7 @@ class Functions:
         return self._exact_dynamics
 
     def exact_projection(self) -> ca.Function:
-        """(t, x, p) -> x for the same."""
+        """(t, x, u, p) -> x for the same."""
         return self._exact_projection
 
     @functools.cached_property
@@ -348,7 +347,7 @@ class Functions:
         s = self.outputs.system
         assert s.exact is not None
         step = ca.densify(self.space.kept(s.exact[1]))
-        return folded_function("exact_projection", [s.t, self.space.x, self.space.p], [step], ["t", "x", "p"], ["x_next"])
+        return folded_function("exact_projection", self.space.arguments, [step], [*"txup"], ["x_next"])
 
     def native(self, how: How) -> NativeProblem | None:
         """Dynamics, invariants, projection and clearance as kernels; None where there is no runtime, or a compiler fails."""
@@ -368,8 +367,7 @@ class Functions:
         rates = self.staged_dynamics
         held = () if modes is None else (modes.guards, modes.decision)
         if self.invariants is not None and has_switches(self.invariants):
-            t, x, u, p = (ca.SX.sym(name, rates.size1_in(k)) for k, name in enumerate("txup"))
-            held += (ca.Function("invariants", [t, x, u, p], [ca.densify(self.invariants(t, x, p))], [*"txup"], ["c"]),)
+            held += (self.invariants,)
         return Integrand(
             rates, self.invariants, self.projection, self.clearance, self.exact, self.space.nq, switching(rates, *held), modes,
             self._standing,

@@ -24,9 +24,8 @@ def mode_functions(
 ) -> ModeFunctions:
     """`invariants` and `projection`: of what holds in all modes. Without `m` there is only what parts remember."""
     t, x, u, p = space.arguments
-    masks = ca.vertcat(ca.SX(0, 1), *(mask.sx for mask in system.flat.modes))
-    rows = ca.SX(0, 1) if invariants is None else invariants(t, x, p)
-    step = x if projection is None else projection(t, x, p)
+    rows = ca.SX(0, 1) if invariants is None else invariants(t, x, u, p)
+    step = x if projection is None else projection(t, x, u, p)
     if system.locks is not None:
         rows, step = ca.vertcat(rows, space.put(system.locks.invariants)), step + space.put(space.kept(system.locks.correction))
     if m is not None:
@@ -38,10 +37,10 @@ def mode_functions(
     systems = Systems() if m is None else m.systems.with_operands(space.put)
 
     def masked(name: str, result: ca.SX) -> Function:
-        return Staged.of(name, [t, x, masks, p], [ca.densify(result)], systems, fold=False)
+        return Staged.of(name, [t, x, u, p], [ca.densify(result)], systems, fold=False)
 
     def invariants_of(name: str, result: ca.SX) -> ca.Function:
-        return ca.Function(name, [t, x, masks, p], [ca.densify(result)], ["t", "x", "masks", "p"], [name])
+        return ca.Function(name, [t, x, u, p], [ca.densify(result)], [*"txup"], [name])
 
     discretes = len(system.flat.discretes)
     if m is None:

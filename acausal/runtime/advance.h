@@ -51,7 +51,7 @@ static int make_parts(Integrator *I) {
         if (I->method_list[k].stages > most) most = I->method_list[k].stages;
     if (!arranged(I, &I->rhs, &T->point_in, &T->point_out, &T->rhs_c, 1 + n + I->nu)) return 0;
     if (!I->counted) give_inputs(I, T->point_in);
-    if (I->ng && !arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n + I->masks)) return 0;
+    if (I->ng && !arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n + I->nu - I->held + I->masks)) return 0;
     if (present(&I->clearance) && (!arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n) || !make_passage(I) || !make_exact(I))) return 0;
     if (I->formulas && !make_formulas(I)) return 0;
     if (I->guards && !make_guards(I)) return 0;

@@ -136,7 +136,7 @@ class Integrator(ctypes.Structure):
     """`Integrator` of runtime.h."""
 
     _fields_ = [
-        *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards", "positions", "operations", "through")),
+        *((name, ctypes.c_long) for name in ("nx", "nu", "np", "ng", "led", "methods", "method", "newton", "adapt_order", "max_steps", "copies", "guards", "positions", "operations", "through")),
         *((name, Kernel) for name in KERNELS),
         ("lacking", LackingFunction),
         ("held", ctypes.c_long),

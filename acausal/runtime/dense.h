@@ -192,7 +192,7 @@ int state_at(Integrator *I, double t, double *x) {
     exact = has_exact(I) && !I->masks && I->through != STRAIGHT && !(present(&I->clearance) && clearance_at(I, t, x) > EXACT);
     in[0] = v_all(t);
     for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
-    if (I->masks) give_masks(I, masks_at(I, t));
+    if (!give_to_projection(I, t, I->masks ? masks_at(I, t) : 0)) return INPUT_FAILED;
     for (int pass = 0; pass < PASSES; pass++) {
         if (exact) run_exact(I, 1, in, out);
         else run_kernel(&I->projection, in, T->projection_c, out, T->work);

@@ -101,6 +101,13 @@ static int own_inputs_at(Integrator *I, V t, long count, V *u) {
     return 1;
 }
 
+/* The same for a kernel of invariants, where these depend on them; also those that do not change. */
+static int led_by(Integrator *I, V t, long count, V *u) {
+    if (!I->led) return 1;
+    for (long i = 0; i < I->nu - I->held; i++) u[i] = v_all(I->u[i]);
+    return own_inputs_at(I, t, count, u);
+}
+
 /* The same with the sides of switches. */
 static int inputs_at(Integrator *I, V t, long count, V *u) {
     for (long k = 0; k < I->held; k++) u[I->nu - I->held + k] = v_all(I->state->side[k]);

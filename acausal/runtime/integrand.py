@@ -93,10 +93,19 @@ class Integrand:
 
     @property
     def invariants_and_projection(self) -> tuple[Function, Function] | None:
-        """Functions of t, x, masks if there are any, and p."""
+        """Functions of t, x, u and p."""
         if self.modes is not None:
             return self.modes.invariants, self.modes.projection
         return None if self.invariants is None or self.project is None else (self.invariants, self.project)
+
+    @functools.cached_property
+    def led(self) -> bool:
+        """Whether inputs other than masks stand in the invariants, or in what corrects them."""
+        if self.invariants_and_projection is None:
+            return False
+        symbols = symbols_of(self.invariants_and_projection[0])
+        own = symbols[2][: symbols[2].numel() - self.masks]
+        return any(ca.depends_on(called(f, symbols)[0][0], own) for f in self.invariants_and_projection)
 
     @functools.cached_property
     def copies(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -111,7 +120,7 @@ class Integrand:
         return {
             "nx": nx, "nu": nu, "np": np,
             "ng": self.invariants_and_projection[0].size1_out(0) if self.invariants_and_projection is not None else 0,
-            "copies": len(self.copies[0]), "positions": self.positions,
+            "led": int(self.led), "copies": len(self.copies[0]), "positions": self.positions,
             "operations": operations_of(self.function),
             "promised": int(self.unheld_exact is not None),
             "through": 0 if self.unheld_exact is None else self.unheld_exact.through.value,
@@ -125,7 +134,7 @@ class Integrand:
         found = [Wanted("rhs", self.rates, (3,))]
         if self.invariants_and_projection is not None:
             together = _projection_with_invariants(*self.invariants_and_projection)
-            found.append(Wanted("projection", together, (together.n_in() - 1,)))
+            found.append(Wanted("projection", together, (3,)))
         if self.clearance is not None:
             found.append(Wanted("clearance", self.clearance, (2,)))
         if self.row_switch.size:
@@ -169,14 +178,12 @@ class Integrand:
 
     @functools.cached_property
     def variation(self) -> tuple[Wanted, ...]:
-        """(t, x, u, p, dx, du, dp) -> change of x', (t, x, p, dx, dp) -> change of x after projection, by masks too where some are set, and
-        (t, x, u, p, dt, dx, du, dp) -> those of rows of switches, of what modes are decided by, and of what is set."""
+        """(t, x, u, p, dx, du, dp) -> change of x', and of x after projection, there with du only where it matters, and (t, x, u, p, dt, dx, du, dp) -> those of rows of switches, of what modes are decided by, and of what is set."""
         found = [Wanted("variation", _directional_derivative(self.rates, (1, 2, 3)), (3,))]
         if self.invariants_and_projection is not None:
             project = self.invariants_and_projection[1]
-            last = project.n_in() - 1
-            remembered = (2,) if self.numbers["discretes"] else ()  # what holds may be held where that says
-            found.append(Wanted("projected", _directional_derivative(project, (1, *remembered, last)), (last,)))
+            given = (2,) if self.led or self.numbers["discretes"] else ()  # what holds may be held where that says
+            found.append(Wanted("projected", _directional_derivative(project, (1, *given, 3)), (3,)))
         if self.row_switch.size:
             found.append(Wanted("row_change", _directional_derivative(self.rows, (0, 1, 2, 3)), (3,)))
         if self.modes is not None and self.modes.laws:
@@ -202,7 +209,7 @@ class Integrand:
     def exact_projection(self) -> Wanted | None:
         """For the same."""
         exact = self.unheld_exact
-        return None if exact is None else Wanted("exact_projection", exact.project(), (2,))
+        return None if exact is None else Wanted("exact_projection", exact.project(), (3,))
 
     @property
     def exact(self) -> tuple[Wanted, ...]:
@@ -247,5 +254,5 @@ def _directional_derivative(function: Function, arguments: tuple[int, ...]) -> F
 
 
 def _projection_with_invariants(invariants: Function, project: Function) -> Function:
-    """(t, x, p) -> x nearer to the invariants, and the invariants at the given x; with masks before p where there are any."""
+    """(t, x, u, p) -> x nearer to the invariants, and the invariants at the given x."""
     return composed("projection", [project, invariants], lambda _, results: [results[0][0], results[1][0]])

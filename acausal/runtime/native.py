@@ -275,31 +275,30 @@ class NativeProblem:
             return core, (table, fine)
         return core, (table,)
 
-    def projected(self, t: np.ndarray, x: np.ndarray, p: np.ndarray, masks: np.ndarray | None = None) -> np.ndarray:
-        """States (nx, n) at times (n,), brought onto the invariants where that is possible, in modes with these masks (masks, n)."""
+    def projected(self, t: np.ndarray, x: np.ndarray, u: np.ndarray | None, p: np.ndarray) -> np.ndarray:
+        """States (nx, n) at times (n,), brought onto the invariants where that is possible, with inputs (nu, n), or None where none matters."""
         if not self.integrand.projects or not t.size:
             return x
         rows = np.ascontiguousarray(x.T)
         times, parameters = np.ascontiguousarray(t, dtype=float), np.ascontiguousarray(p, dtype=float)
         exact = None if self.integrand.masks else self.integrand.exact_projection
         if exact is None or self.integrand.numbers["through"] == Through.ALWAYS.value:
-            self._project(self.kernels.current[1], times, rows, parameters, masks)
+            self._project(self.kernels.current[1], times, rows, u, parameters)
             return rows.T
         near = self._near(times, rows, parameters)
         for some, kernel in ((~near, self.kernels.current[1]), (near, self.paired(exact).kernel if near.any() else None)):
             if kernel is not None and some.any():
                 there = rows[some]
-                self._project(kernel, times[some], there, parameters)
+                self._project(kernel, times[some], there, None if u is None else u[:, some], parameters)
                 rows[some] = there
         return rows.T
 
-    def _project(
-        self, kernel: Kernel, times: np.ndarray, rows: np.ndarray, p: np.ndarray, masks: np.ndarray | None = None
-    ) -> None:
+    def _project(self, kernel: Kernel, times: np.ndarray, rows: np.ndarray, u: np.ndarray | None, p: np.ndarray) -> None:
         """States `rows` (n, nx) brought onto the invariants where they are."""
-        given = np.zeros((times.size, 0)) if masks is None else np.ascontiguousarray(masks.T)
+        nu = self.nu - self.integrand.sides
+        given = np.zeros((times.size, nu)) if u is None else np.ascontiguousarray(u.T)
         self.library.project_states(
-            ctypes.byref(kernel), self.nx, self.integrand.masks, self.integrand.numbers["np"], _address(p), times.size, _address(times), _address(given),
+            ctypes.byref(kernel), self.nx, nu, self.integrand.numbers["np"], _address(p), times.size, _address(times), _address(given),
             _address(rows),
         )  # fmt: skip
 

@@ -117,6 +117,7 @@ static void look_around(Integrator *I, Stages *S) {
 static const V *corrected(Integrator *I, const V *in) {
     struct State *T = I->state;
     memcpy(T->projection_in, in, sizeof(V) * (size_t)(1 + I->nx));
+    led_by(I, in[0], LANES, T->projection_in + 1 + I->nx);
     if (has_exact(I)) run_exact(I, 1, T->projection_in, T->projection_out);
     else run_kernel(&I->projection, T->projection_in, T->projection_c, T->projection_out, T->work);
     return T->projection_out;
@@ -127,6 +128,7 @@ static void along_branch(Integrator *I, const V *in, const V *K, V *out) {
     struct State *T = I->state;
     long m = I->positions;
     memcpy(T->projection_in, in, sizeof(V) * (size_t)(1 + m));
+    led_by(I, in[0], LANES, T->projection_in + 1 + I->nx);
     memcpy(T->projection_in + 1 + m, K + m, sizeof(V) * (size_t)(I->nx - m));
     run_kernel(&I->projection, T->projection_in, T->projection_c, T->projection_out, T->work);
     for (long i = 0; i < m; i++) out[i] = v_all(0.0);

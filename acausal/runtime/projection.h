@@ -1,8 +1,10 @@
 /* Back onto the invariants after a step: Hairer and Wanner, Solving ODEs II, section VII.2. */
 
-/* Masks where the kernel of the projection has them. */
-static void give_masks(Integrator *I, const double *masks) {
-    for (long k = 0; k < I->masks; k++) I->state->projection_in[1 + I->nx + k] = v_all(masks[k]);
+/* Inputs at t and these masks where the kernel of the projection has them. 0 when the input function failed. */
+static int give_to_projection(Integrator *I, double t, const double *masks) {
+    V *u = I->state->projection_in + 1 + I->nx, *last = u + I->nu - I->held;
+    for (long k = 0; k < I->masks; k++) last[k] = v_all(masks[k]);
+    return led_by(I, v_all(t), 1, u);
 }
 
 /* Corrects x until the corrections, in units of the largest states so far, stop shrinking; ten times at most. Returns whether x was
@@ -14,7 +16,7 @@ static int project(Integrator *I, double t, double *x) {
     V *in = T->projection_in, *out = T->projection_out;
     double last = INFINITY;
     int changed = 0;
-    give_masks(I, T->side);
+    if (!give_to_projection(I, t, T->side)) return 0; /* whoever needs rates next finds that, too */
     for (int k = 0; k < 10; k++) {
         in[0] = v_all(t);
         for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]);
@@ -38,21 +40,21 @@ static int project(Integrator *I, double t, double *x) {
 #define PASSES 3 /* moving positions opens the velocity rows a little; the next correction closes them */
 
 #ifndef ONLY_COMPILED_KERNELS
-/* The same for n states (n, nx) at times t with masks m (n, masks), side by side in lanes, so many corrections; states that come out not finite stay as
+/* The same for n states (n, nx) at times t with inputs u (n, nu), side by side in lanes, so many corrections; states that come out not finite stay as
    they are. */
-int project_states(const Kernel *k, long nx, long masks, long np, const double *p, long n, const double *t, const double *m, double *x) {
+int project_states(const Kernel *k, long nx, long nu, long np, const double *p, long n, const double *t, const double *u, double *x) {
     size_t values = (size_t)(k->inputs + k->outputs + k->constants + k->work + 4);
     char *raw = malloc(sizeof(V) * values + 64);
     if (!raw) return OUT_OF_MEMORY;
     V *in = (V *)(raw + (64 - (size_t)raw % 64)), *out = in + k->inputs + 1, *c = out + k->outputs + 1, *w = c + k->constants + 1;
-    for (long i = 0; i < np; i++) in[1 + nx + masks + i] = v_all(p[i]);
+    for (long i = 0; i < np; i++) in[1 + nx + nu + i] = v_all(p[i]);
     prepare_kernel(k, in, c, w);
     for (long first = 0; first < n; first += LANES) {
         for (long l = 0; l < LANES; l++) {
             long at = first + l < n ? first + l : n - 1;
             in[0][l] = t[at];
             for (long i = 0; i < nx; i++) in[1 + i][l] = x[at * nx + i];
-            for (long i = 0; i < masks; i++) in[1 + nx + i][l] = m[at * masks + i];
+            for (long i = 0; i < nu; i++) in[1 + nx + i][l] = u[at * nu + i];
         }
         for (int pass = 0; pass < PASSES; pass++) {
             run_kernel(k, in, c, out, w);

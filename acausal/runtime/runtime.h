@@ -88,14 +88,15 @@ struct Programs;
 /* One integration. The caller fills the first part; `begin` makes the rest. Newton WHERE_SLOW: the first method is Gauss's, and others, if any, are
    Radau's by order, for where the motion is stiff; `operations` of the rates at one point tell what is cheaper. */
 typedef struct Integrator {
-    long nx, nu, np, ng, methods, method, newton, adapt_order, max_steps, copies, guards, positions, operations;
+    long nx, nu, np, ng, led, methods, method, newton, adapt_order, max_steps, copies, guards, positions, operations;
+    /* led: whether inputs other than masks stand in the invariants */
     long through; /* whether motions lead straight through singular positions, where exact kernels are given: see Through */
     Kernel rhs;         /* t, x, u, p -> x' */
     Kernel jvp;         /* t, x, u, p, dx, dp -> dx' */
-    Kernel projection;  /* t, x, masks, p -> x nearer to the invariants, invariants (ng) at the given x */
+    Kernel projection;  /* t, x, u without sides, p -> x nearer to the invariants, invariants (ng) at the given x */
     Kernel guard;       /* t, x, u, p -> values whose zeros are wanted */
     Kernel variation;   /* t, x, u, p, dx, du, dp -> dx' */
-    Kernel projected;   /* t, x, masks, p, dx, masks' changes where some are set, dp -> dx after projection */
+    Kernel projected;   /* t, x, u without sides, p, dx, du, dp -> dx after projection */
     Kernel clearance;   /* t, x, p -> 0 where branches of the motion cross, about 1 far away; none where they never do */
     Kernel formula;     /* t -> inputs that are formulas */
     Kernel rows;        /* t, x, u, p -> values that are positive as long as switches are at their true sides */
@@ -221,7 +222,7 @@ EXPORT double table_value(const Table *T, double t);
 EXPORT long lanes(void);
 #ifndef ONLY_COMPILED_KERNELS
 EXPORT int columns(const Kernel *k, long nx, long nu, long np, const double *p, long n, const double *t, const double *x, const double *u, double *y);
-EXPORT int project_states(const Kernel *projection, long nx, long masks, long np, const double *p, long n, const double *t, const double *m, double *x);
+EXPORT int project_states(const Kernel *projection, long nx, long nu, long np, const double *p, long n, const double *t, const double *u, double *x);
 EXPORT long widest(void);
 EXPORT long integrator_size(void);
 #endif

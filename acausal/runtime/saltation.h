@@ -222,7 +222,7 @@ static int find_delays(Integrator *I, long row, double planned) {
     for (long b = 0; b < direction_blocks(I); b++) {
         change[0] = v_all(0);
         memcpy(change + 1, T->D + b * I->nx, sizeof(V) * (size_t)I->nx);
-        set_directions(I, change + 1 + I->nx, b, 1);
+        set_directions(I, change + 1 + I->nx, b, I->nu);
         run_kernel(&I->row_change, in, T->row_change_c, T->row_change_out, T->work);
         for (long r = first_set(I); r < I->mode_rows; r++) T->row_change_out[r] *= v_all(side_of_row(I, r));
         V change_of_sum = v_all(0);
@@ -254,7 +254,7 @@ static void put_directions(Integrator *I, long b, V *change) {
     struct State *T = I->state;
     memcpy(change, T->delay + b * LANES, sizeof(V));
     memcpy(change + 1, T->D + b * I->nx, sizeof(V) * (size_t)I->nx);
-    set_directions(I, change + 1 + I->nx, b, 1);
+    set_directions(I, change + 1 + I->nx, b, I->nu);
     for (long k = 0; k < I->nu; k++) change[1 + I->nx + k] += v_all(T->input_rate[k]) * change[0];
 }
 

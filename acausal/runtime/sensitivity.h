@@ -16,7 +16,7 @@ static int make_sensitivity(Integrator *I) {
     long inside = I->asked && I->fine && I->fine->stages > most ? I->fine->stages : most; /* see asked.h */
     if (!arranged(I, &I->variation, &T->variation_in, &T->variation_out, &T->variation_c, fixed)) return 0;
     for (long i = 0; i < I->nu - I->held && !I->counted; i++) T->variation_in[1 + n + i] = v_all(I->u[i]);
-    if (I->ng && !arranged(I, &I->projected, &T->projected_in, &T->projected_out, &T->projected_c, 1 + n + I->masks)) return 0;
+    if (I->ng && !arranged(I, &I->projected, &T->projected_in, &T->projected_out, &T->projected_c, 1 + n + I->nu - I->held + I->masks)) return 0;
     T->D = reserve_lanes(I, B * n);
     T->D_size = reserve_lanes(I, B * n);
     T->D_noise = reserve_lanes(I, n);
@@ -33,14 +33,13 @@ static int make_sensitivity(Integrator *I) {
 
 static double change_of_discrete(const Integrator *I, long direction, long k) { return I->state->discrete_change[(direction < I->directions ? direction : 0) * I->discretes + k]; }
 
-/* Directions of inputs and parameters of one block, into the arguments from `at` on. */
-static void set_directions(Integrator *I, V *in, long block, int inputs) {
+/* Directions of the first so many inputs, up to the masks at least where parts remember something, and of parameters of one block. */
+static void set_directions(Integrator *I, V *in, long block, long inputs) {
     for (long l = 0; l < LANES; l++) {
         long d = block * LANES + l < I->directions ? block * LANES + l : 0;
-        if (inputs)
-            for (long i = 0; i < I->nu; i++) in[i][l] = I->du[d * I->nu + i];
-        for (long k = 0; k < I->discretes && inputs; k++) in[I->nu - I->held + I->masks - I->discretes + k][l] = change_of_discrete(I, d, k);
-        for (long i = 0; i < I->np; i++) in[(inputs ? I->nu : 0) + i][l] = I->dp[d * I->np + i];
+        for (long i = 0; i < inputs; i++) in[i][l] = I->du[d * I->nu + i];
+        for (long k = 0; k < I->discretes; k++) in[I->nu - I->held + I->masks - I->discretes + k][l] = change_of_discrete(I, d, k);
+        for (long i = 0; i < I->np; i++) in[inputs + i][l] = I->dp[d * I->np + i];
     }
 }
 
@@ -116,7 +115,7 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block, V *K)
     long n = I->nx, s = S->s;
     const double *A = S->method->A;
     V *D = T->D + block * n, *size = T->D_size + block * n, *noise = T->D_noise, *X = T->D_stages, *N = T->D_new;
-    set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, block, 1);
+    set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, block, I->nu);
     for (long i = 0; i < n; i++) size[i] = v_larger(size[i], v_abs(D[i]));
     double tolerance = I->step > 0 ? 0 : 1e-3;
     Judge judgements[LANES];
@@ -193,7 +192,7 @@ static int solve_variations(Integrator *I, Stages *S, double h) {
     double P[64], ratio = T->last_h > 0 ? h / T->last_h : 0;
     for (long b = 0; b < direction_blocks(I); b++) {
         V *K = T->D_rates + b * s * n, *a = T->D_last + b * s * n;
-        set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, b, 1);
+        set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, b, I->nu);
         for (long j = 0; j < s; j++) {
             if (ratio == 0 || T->last_s != s) {
                 variation_at(I, S, j, T->D + b * n, K + j * n);
@@ -270,7 +269,7 @@ static double error_of_variations(Integrator *I, Stages *S, double h, double mot
         for (long i = 0; i < n; i++) noise[i] = v_all(0.0);
         double error = error_of_variation(I, S, h, b, noise);
         if (!(error <= 1) || (h < T->last_h && error > fmax(motion, MAY_BE_NOISE))) {
-            set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, b, 1);
+            set_directions(I, T->variation_in + 1 + n + I->nu + I->np + n, b, I->nu);
             noise_of_variation(I, S, h, T->D + b * n, T->D_size + b * n, noise);
             for (long i = 0; i < n; i++) noise[i] *= v_all(FEW);
             error = error_of_variation(I, S, h, b, noise);
@@ -295,17 +294,14 @@ static void advance_directions(Integrator *I, Stages *S, double h) {
 /* Back to directions along the invariants, those D (n) of one block, at the state x at t that has been projected. */
 static void project_block(Integrator *I, double t, const double *x, long block, V *D) {
     struct State *T = I->state;
-    long n = I->nx;
-    V *in = T->projected_in, *change = in + 1 + n + I->masks + I->np;
+    long n = I->nx, own = I->nu - I->held, nu = own + I->masks;
+    V *in = T->projected_in, *change = in + 1 + n + nu + I->np;
     in[0] = v_all(t);
     for (long i = 0; i < n; i++) in[1 + i] = v_all(x[i]);
-    for (long k = 0; k < I->masks; k++) in[1 + n + k] = v_all(T->side[k]);
+    for (long k = 0; k < I->masks; k++) in[1 + n + own + k] = v_all(T->side[k]);
+    led_by(I, in[0], 1, in + 1 + n);
     memcpy(change, D, sizeof(V) * (size_t)n);
-    change += n;
-    for (long k = 0; k < I->masks && I->discretes; k++) *change++ = v_all(0);
-    for (long d = 0; d < LANES; d++)
-        for (long k = 1; k <= I->discretes; k++) change[-k][d] = change_of_discrete(I, block * LANES + d, I->discretes - k);
-    set_directions(I, change, block, 0);
+    set_directions(I, change + n, block, I->led || I->discretes ? nu : 0);
     run_kernel(&I->projected, in, T->projected_c, T->projected_out, T->work);
     memcpy(D, T->projected_out, sizeof(V) * (size_t)n);
 }

@@ -35,7 +35,7 @@ static int begin_discrete_directions(Integrator *I) {
         for (long b = 0; b < direction_blocks(I); b++) {
             change[0] = v_all(0);
             memcpy(change + 1, T->D + b * I->nx, sizeof(V) * (size_t)I->nx);
-            set_directions(I, change + 1 + I->nx, b, 1);
+            set_directions(I, change + 1 + I->nx, b, I->nu);
             run_kernel(&I->set_change, in, T->set_change_c, T->set_change_out, T->work);
             for (long k = 0; k < I->discretes; k++)
                 for (long l = 0; l < LANES; l++)
@@ -261,7 +261,7 @@ static enum Code impose_locks(Integrator *I, int begins) {
     enum Code code = meet_locks(I);
     if (code != REACHED_END) return code;
     memcpy(before, I->x, sizeof(double) * (size_t)I->nx);
-    give_masks(I, T->side);
+    if (!give_to_projection(I, I->t, T->side)) return INPUT_FAILED;
     T->projection_in[0] = v_all(I->t);
     for (long i = 0; i < I->nx; i++) T->projection_in[1 + i] = v_all(I->x[i]);
     run_masked(I, OF_PROJECTION, T->projection_in, T->projection_c, T->projection_out);

@@ -234,7 +234,7 @@ static int jump_directions(Integrator *I, long row, double shift, const double *
         V *D = T->D + b * n;
         in[rest] = v_all(0);
         memcpy(in + rest + 1, D, sizeof(V) * (size_t)n);
-        set_directions(I, in + rest + 1 + n, b, 1);
+        set_directions(I, in + rest + 1 + n, b, I->nu);
         run_kernel(&I->row_change, in, T->row_change_c, T->row_change_out, T->work);
         V dt = T->row_change_out[row] / v_all(-slope);
         for (long i = 0; i < n; i++) D[i] = v_fma(v_all(before[i] - after[i]), dt, D[i]);
@@ -310,7 +310,7 @@ static int jump_along(Integrator *I, double latest, const double *rates) {
         if (same) break;
         if (later > latest) return 1;
     }
-    give_masks(I, T->side);
+    if (!give_to_projection(I, I->t + later, T->side)) return 0;
     correction_at(I, I->t + later, x, by, &part, &left);
     if (part <= KEPT) return 1;
     for (int k = 0; k < CORRECTED && part > 2 * EPS; k++) {

@@ -433,7 +433,7 @@ static int has_frame(Integrator *I, enum Masked which) {
     if (P->asked[which]) return P->length[which] > 0;
     P->asked[which] = 1;
     const Kernel *whole = whole_program(I, which);
-    long length = 0, fixed = which == OF_PROJECTION ? 1 + I->nx + I->masks : 1 + I->nx + I->nu;
+    long length = 0, fixed = 1 + I->nx + I->nu - (which == OF_PROJECTION ? I->held - I->masks : 0);
     if (!whole) return 0;
     while (whole->program[WIDTH * length] != OP_END) length++;
     if (length < THIN_LEAST || !(P->room[which] = malloc(sizeof(V) * (size_t)(thin_frame(whole) + whole->inputs + 1) + 64))) return 0;
@@ -494,7 +494,7 @@ static int are_those_of_now(const struct Thin *H, const V *masks, long count) {
 /* The mode of the masks at `in`, the same in all lanes, if its program is to be carried out; null: the kernel itself is to be taken. */
 static struct ThinMode *thin_mode(Integrator *I, enum Masked which, const V *in) {
     struct Thin *H = I->state->thin;
-    long first = 1 + I->nx + (which == OF_PROJECTION ? 0 : I->nu - I->held);
+    long first = 1 + I->nx + I->nu - I->held;
     struct Programs *P = programs_of(I);
     if (!P) return 0;
     if (!are_those_of_now(H, in + first, I->masks)) look_up_mode(I, in + first);

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
@@ -12,7 +13,7 @@ import numpy as np
 from acausal.dynamics.system import MechanicalSystem
 from acausal.language.connector import Connector
 from acausal.language.equation import input_rates
-from acausal.language.expression import Symbol, Variable, time
+from acausal.language.expression import Mode, Reaction, Symbol, Variable, time
 from acausal.loops.loops import relative_pose
 from acausal.numerics.elimination import solved_by_qr
 from acausal.parts.joint import AbstractJoint
@@ -306,14 +307,18 @@ class _Coupling:
         tree = self.mechanics.tree
         if not residuals:
             return rates
-        symbols = [time.sx, tree.q, tree.v, *(u.symbol for u in self.reduced.states)]
-        known = [ca.SX(1), tree.rates, _put([(self.tau, tau)], [self.v_dot])[0], *rates]
+        used = symbols_in(residuals)
+        chains = [(entry, *input_rates(entry)) for entry in self.mechanics.flat.inputs if not isinstance(entry, Reaction | Mode)]
+        led = [(s.sx, rate.sx) for chain in chains for s, rate in itertools.pairwise(chain) if s.sx.element_hash() in used]
+        symbols = [time.sx, tree.q, tree.v, *(u.symbol for u in self.reduced.states), *(s for s, _ in led)]
+        known = [ca.SX(1), tree.rates, _put([(self.tau, tau)], [self.v_dot])[0], *rates, *(rate for _, rate in led)]
         result = list(rates)
-        inputs = {entry.sx.element_hash() for entry in self.mechanics.flat.inputs}
-        inputs |= {s.element_hash() for read in self.mechanics.readings.implicit for s in ca.symvar(read.sx)}
+        unrated = {entry.sx.element_hash() for entry in self.mechanics.flat.inputs if isinstance(entry, Reaction | Mode)}
+        unrated |= {rate.sx.element_hash() for *_, rate in chains}
+        unrated |= {s.element_hash() for read in self.mechanics.readings.implicit for s in ca.symvar(read.sx)}
         for block, residual in zip(self.reduced.algebraic, residuals, strict=True):
             for symbol in ca.symvar(residual):
-                if symbol.element_hash() in inputs:
+                if symbol.element_hash() in unrated:
                     raise no_rate(self.collection.system, symbol, block.sources[0])
             z_dot = algebraic_rates(replace(block, residual=residual), symbols, known)
             symbols += [u.symbol for u in block.unknowns]

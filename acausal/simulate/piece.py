@@ -30,15 +30,14 @@ class Piece:
 
     def states(self, times: np.ndarray, seen: Functions) -> np.ndarray:
         """States (nx, n) of `seen` at times (n,), projected so that invariants hold."""
-        x, project, modes = self.solution.dense(times), self.functions.projection, self.solution.modes
-        if modes is not None and self.problem.native is not None:
-            x = self.problem.native.projected(times, x, self.problem.parameters, modes.at(times))
-        elif project is not None and self.problem.native is not None:
-            x = self.problem.native.projected(times, x, self.problem.parameters)
+        x, project, native = self.solution.dense(times), self.functions.projection, self.problem.native
+        u = self.problem.with_modes(self.solution.modes).inputs(times) if native is None or native.integrand.numbers["led"] or native.integrand.masks else None
+        if native is not None:
+            x = native.projected(times, x, u, self.problem.parameters)
         elif project is not None:
             p, projected = np.repeat(self.problem.parameters[:, None], times.size, axis=1), x
             for _ in range(3):  # moving q opens the velocity rows a little; the next projection closes them
-                projected = np.array(project(times[None, :], projected, p)).reshape(x.shape)
+                projected = np.array(project(times[None, :], projected, u, p)).reshape(x.shape)
             x = np.where(np.all(np.isfinite(projected), axis=0), projected, x)
         return self._in(seen, times, x)
 

@@ -340,12 +340,10 @@ class Trajectory:
 
     def constraint_error(self) -> float:
         """Largest residual of any invariant (loops [m or sine of angle], their rates, quaternion norms, gaps that are closed, slips that stick); 0 without any."""
-        invariants, modes = self.functions.invariants, self.functions.modes
+        invariants = self.functions.invariants if self.functions.modes is None else self.functions.modes.invariants
         p = np.repeat(self.problem.parameters[:, None], self.t.size, axis=1)
-        if modes is not None:
-            held = modes.invariants(self.t[None, :], self.x, self.u[self.u.shape[0] - modes.masks :], p)
-            return float(np.max(np.abs(np.array(held)), initial=0.0))
-        return 0.0 if invariants is None else float(np.max(np.abs(np.array(invariants(self.t[None, :], self.x, p)))))
+        held = 0.0 if invariants is None else np.array(invariants(self.t[None, :], self.x, self.u, p))
+        return float(np.max(np.abs(held), initial=0.0))
 
     def plot(self, *expressions: Expression | str, path: str | Path | None = None) -> Any:
         """Plot series over time with matplotlib; returns the figure, and writes it to `path` if given."""

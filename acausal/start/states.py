@@ -30,14 +30,14 @@ def finite_states(names: Sequence[str], x: Any) -> np.ndarray:
     return states
 
 
-def consistent_states(functions: Functions, x: Any, t: float, p: np.ndarray) -> np.ndarray:
-    """All states (nx,) from anything like an array, at time t [s] and parameters p (np,).
+def consistent_states(functions: Functions, x: Any, t: float, u: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """All states (nx,) from anything like an array, at time t [s], inputs u (nu,) and parameters p (np,).
 
     Raises `StartValueError` for another number of them, for what is not finite, and where the constraints are violated.
     """
     states = finite_states(functions.state_names, x)
-    gaps = np.zeros(0) if functions.invariants is None else np.array(functions.invariants(t, states, p)).ravel()
-    off = np.flatnonzero(~(np.abs(gaps) <= _allowed(functions, t, states, p))) if gaps.any() else np.zeros(0, dtype=int)
+    gaps = np.zeros(0) if functions.invariants is None else np.array(functions.invariants(t, states, u, p)).ravel()
+    off = np.flatnonzero(~(np.abs(gaps) <= _allowed(functions, t, states, u, p))) if gaps.any() else np.zeros(0, dtype=int)
     if off.size:
         raise StartValueError(
             f"The states {states} violate the constraints by {np.max(np.abs(gaps[off])):.3g} (loops, lengths of quaternions, or their rates). Take them "
@@ -46,21 +46,21 @@ def consistent_states(functions: Functions, x: Any, t: float, p: np.ndarray) -> 
     return states
 
 
-def _allowed(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+def _allowed(functions: Functions, t: float, x: np.ndarray, u: np.ndarray, p: np.ndarray) -> np.ndarray:
     """For each invariant (n,) a small part of what turns by 1, lengths by as much as these move, and the velocities make of it; and less of what
     all velocities would make of it if they were as fast as the fastest.
     """
     rows, space = functions.invariants, functions.space
     assert rows is not None
-    at, state, values = ca.SX.sym("t"), ca.SX.sym("x", x.size), ca.SX.sym("p", p.size)
-    slopes = ca.Function("slopes", [at, state, values], [ca.densify(ca.jacobian(rows(at, state, values), state))])
-    J, nq = np.abs(np.nan_to_num(np.array(slopes(t, x, p)))), space.nq
+    symbols = rows.sx_in()
+    slopes = ca.Function("slopes", symbols, [ca.densify(ca.jacobian(rows(*symbols), symbols[1]))])
+    J, nq = np.abs(np.nan_to_num(np.array(slopes(t, x, u, p)))), space.nq
     turns, turn_rates = turning_states(space.system)
     turns = np.concatenate([turns, turn_rates])[list(space.places)]
     own, exact = J @ np.abs(x), Drawn.exact(J.shape[0])
     lengths, speeds = (unknown_sizes(J[:, of], turns[of], own, exact) for of in (slice(nq), slice(nq, None)))
     fastest = np.max(np.abs(x[nq:]) / speeds, initial=0.0)
-    noise = CLOSED * fastest * (J[:, nq:] @ speeds) + ROUNDING / np.finfo(float).eps * np.nan_to_num(Rounding(rows)(t, x, p))
+    noise = CLOSED * fastest * (J[:, nq:] @ speeds) + ROUNDING / np.finfo(float).eps * np.nan_to_num(Rounding(rows)(t, x, u, p))
     return GIVEN * (J[:, :nq] @ lengths + J[:, nq:] @ np.abs(x[nq:])) + noise
 
 
