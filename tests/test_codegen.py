@@ -465,10 +465,10 @@ def _kernels(model: ac.Model, how: How) -> Iterator[tuple[str, Kernel, ca.Functi
     yield "jvp", problem.jvp.current[0], _product(f.explicit_dynamics, [1]), problem.lanes
     yield "variation", problem.variation.current[0], _product(f.explicit_dynamics, [1, 2, 3]), problem.lanes
     if f.projection is not None and f.invariants is not None:
-        symbols = [ca.SX.sym("a", f.invariants.sparsity_in(i)) for i in range(3)]
+        symbols = [ca.SX.sym("a", f.invariants.sparsity_in(i)) for i in range(4)]
         both = ca.Function("both", symbols, [f.projection(*symbols), f.invariants(*symbols)])
         yield "projection", problem.kernels.current[1], both, problem.lanes
-        yield "projected", problem.variation.current[1], _product(f.projection, [1, 2]), problem.lanes
+        yield "projected", problem.variation.current[1], _product(f.projection, [1, 3]), problem.lanes
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -571,7 +571,7 @@ from acausal.emit import compiler
 from acausal.runtime.kernels import Compilation, Wanted
 from tests.scenes import FourBar
 f = ac.build(FourBar()).functions
-wanted = [Wanted("rhs", f.explicit_dynamics, (3,)), Wanted("projection", f.projection, (2,))]
+wanted = [Wanted("rhs", f.explicit_dynamics, (3,)), Wanted("projection", f.projection, (3,))]
 run = compiler.run_compiler
 compiler.run_compiler = lambda *asked: (print("compiles"), run(*asked))
 print(Compilation(tuple(wanted), compiler.compiler()).result()[1][0].outputs)

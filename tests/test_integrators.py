@@ -208,7 +208,7 @@ def test_steps_keep_loops_closed(make, velocity):
     y = ca.MX.sym("y", len(model.state_names))
     one = ca.Function("one", [y], [step(0.0, y, [], [])[0]])
     states = np.array(one.mapaccum(600)(model.initial_state({velocity(scene): 3.0}).x))
-    gaps = np.array(model.functions.invariants(0, states, []))
+    gaps = np.array(model.functions.invariants(0, states, [], []))
     assert np.isfinite(states).all() and np.ptp(states[0]) > 0.5
     assert np.max(np.abs(gaps)) < 1e-12
 

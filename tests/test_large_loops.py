@@ -96,7 +96,7 @@ def test_nets_of_rods_of_any_size_move(count):
     scene = RodNet(count)
     model = ac.build(scene)
     assert model.degrees_of_freedom == 3 * count**2 - len(scene.rods)
-    assert np.max(np.abs(np.array(model.functions.invariants(0, model.initial_state().x, [])))) < 1e-13
+    assert np.max(np.abs(np.array(model.functions.invariants(0, model.initial_state().x, [], [])))) < 1e-13
 
 
 def test_a_large_net_in_other_units_goes_through_the_same_numbers(monkeypatch):

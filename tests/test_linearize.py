@@ -129,8 +129,8 @@ def differences(model: ac.Model, found, h: float = 1e-5) -> np.ndarray:
     def rates(k: int, step: float) -> np.ndarray:
         x = point.x + step * found.expand[:, k]
         for _ in range(8):
-            g = np.array(model.functions.invariants(point.t, x, point.p)).ravel()
-            J = np.array(ca.DM(model.functions.invariants.jacobian()(point.t, x, point.p, g)[1]))
+            g = np.array(model.functions.invariants(point.t, x, point.u, point.p)).ravel()
+            J = np.array(ca.DM(model.functions.invariants.jacobian()(point.t, x, point.u, point.p, g)[1]))
             J = np.vstack([J, np.eye(x.size)[names]])
             x = x - np.linalg.pinv(J, rcond=1e-8) @ np.concatenate([g, (x - point.x)[names] - step * np.eye(len(names))[k]])
         return np.array(model.functions.explicit_dynamics(point.t, x, point.u, point.p)).ravel()[names]

@@ -370,7 +370,7 @@ def test_first_and_second_derivatives_are_those_of_the_implicit_function(make, s
     x = minimal.expand(0, y, [], [])
     first = ca.jtimes(x, y, d)
     along = ca.Function("along", [y, d], [x, first, ca.jtimes(first, y, d)])
-    g = model.functions.invariants(0, xs, [])
+    g = model.functions.invariants(0, xs, [], [])
     slope = ca.jtimes(g, xs, a)
     G_along = ca.Function("G", [xs, a], [g, slope, ca.jtimes(slope, xs, a)])
     rng = np.random.default_rng(1)

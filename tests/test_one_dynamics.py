@@ -92,8 +92,8 @@ def test_a_step_ends_on_the_invariants(make):
     if f.invariants is None or f.projection is None:
         assert f.invariants is None and f.projection is None
         return
-    assert np.max(np.abs(np.array(f.invariants(0.05, x_next, state.p)))) < 1e-12
-    again = np.array(f.projection(0.05, x_next, state.p))
+    assert np.max(np.abs(np.array(f.invariants(0.05, x_next, [], state.p)))) < 1e-12
+    again = np.array(f.projection(0.05, x_next, [], state.p))
     np.testing.assert_allclose(again, np.array(x_next), rtol=1e-12, atol=1e-12)  # it is there to rounding
 
 

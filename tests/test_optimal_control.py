@@ -976,7 +976,7 @@ def test_a_four_bar_stays_closed_and_turns_at_least_cost() -> None:
     best = ocp.solve(30)
     invariants = model.functions.invariants
     assert invariants is not None
-    gaps = [np.max(np.abs(np.array(invariants(t, x, [])))) for t, x in zip(best.t, best.x.T, strict=True)]
+    gaps = [np.max(np.abs(np.array(invariants(t, x, 0, [])))) for t, x in zip(best.t, best.x.T, strict=True)]
     assert max(gaps) < 1e-12
     assert best.defect < 1e-6
     assert best.run[scene.a.q][-1] == pytest.approx(0.3 + 2 * np.pi, abs=1e-4)
@@ -1016,7 +1016,7 @@ def test_a_slider_crank_turns_as_in_one_coordinate() -> None:
     turn.minimise(ac.integral(scene.torque**2))
     best = turn.solve(32, order=13, refinements=0, guesses=0)
     assert model.functions.invariants is not None
-    gaps = [np.max(np.abs(np.array(model.functions.invariants(t, x, [])))) for t, x in zip(best.t, best.x.T, strict=True)]
+    gaps = [np.max(np.abs(np.array(model.functions.invariants(t, x, 0, [])))) for t, x in zip(best.t, best.x.T, strict=True)]
     assert max(gaps) < 1e-12
     assert best.cost == pytest.approx(press_by_hand(32, 7, best), rel=1e-8)
 
@@ -1592,7 +1592,7 @@ def test_a_controller_brings_a_loop_to_its_place_and_holds_it_there_after_a_blow
         ends.append(float(run[scene.a.q][-1]))
     assert ends == pytest.approx([1.2, 1.2], abs=5e-3)
     assert model.functions.invariants is not None
-    assert np.max(np.abs(np.array(model.functions.invariants(0.0, x, [])))) < 1e-12
+    assert np.max(np.abs(np.array(model.functions.invariants(0.0, x, 0, [])))) < 1e-12
 
 
 def test_who_may_take_more_time_swings_up_at_no_more_effort() -> None:

@@ -139,7 +139,7 @@ def test_directions_stay_along_the_constraints():
     found = model.sensitivities(TIMES, [scene.length, scene.a.v], {scene.a.q: 1.0, scene.a.v: 2.0}, rtol=1e-9)
     f = model.functions
     x, p = ca.SX.sym("x", found.x.shape[0]), ca.SX.sym("p", 2)
-    slope = ca.Function("slope", [x, p], [ca.jacobian(f.invariants(0, x, p), ca.vertcat(x, p))])
+    slope = ca.Function("slope", [x, p], [ca.jacobian(f.invariants(0, x, [], p), ca.vertcat(x, p))])
     for k in range(len(TIMES)):
         J = np.array(slope(found.x[:, k], found.problem.parameters))
         change = np.vstack([found.S[k], found.directions.dp])
@@ -198,7 +198,7 @@ def test_loops_stay_closed_by_their_derivatives_at_however_many_times_these_are_
     found = model.sensitivities(times, wanted, start, rtol=1e-10)
     f = model.functions
     x, p = ca.SX.sym("x", found.x.shape[0]), ca.SX.sym("p", 2)
-    slope = ca.Function("slope", [x, p], [ca.jacobian(f.invariants(0, x, p), ca.vertcat(x, p))])
+    slope = ca.Function("slope", [x, p], [ca.jacobian(f.invariants(0, x, [], p), ca.vertcat(x, p))])
     for k in range(0, 161, 10):
         change = np.vstack([found.S[k], found.directions.dp])
         assert np.max(np.abs(np.array(slope(found.x[:, k], found.problem.parameters)) @ change)) < 1e-12 * (

@@ -20,9 +20,10 @@ from acausal.reduce.reduce import ReducedSystem
 
 @dataclass(frozen=True)
 class Tangent:
-    """Small changes at a point: dx = `expand` dy (nx, k), dy = `pick` dx (k, nx), and the rate of `pick` along the motion."""
+    """Small changes at a point: dx = `expand` dy + `led` du (nx, k) and (nx, nu), dy = `pick` dx (k, nx), and the rate of `pick` along the motion."""
 
     expand: np.ndarray
+    led: np.ndarray
     pick: np.ndarray
     pick_rate: np.ndarray
 
@@ -34,7 +35,7 @@ class Deviations:
     In place of a unit quaternion stands the small rotation vector of frame_b, in frame_b, away from the point or the motion
     looked at: q = q0 * (1, rotation / 2), four times the Rodrigues parameters of `coordinates` to first order. It has no singular
     attitude. `sizes`: of the states at the point where the entries were chosen. `free`: which entries of the `coordinates` of x are independent.
-    `felt` (m,): which of the `invariants` some entry changes there, by more than rounding.
+    `felt` (m,): which of the `invariants` some entry changes there, by more than rounding. `led` (m,): in which of them inputs stand, which states follow at once.
     """
 
     system: ReducedSystem
@@ -45,6 +46,7 @@ class Deviations:
     free: tuple[int, ...]
     names: tuple[str, ...]
     felt: np.ndarray
+    led: np.ndarray
 
     @property
     def free_sizes(self) -> np.ndarray:
@@ -61,12 +63,17 @@ class Deviations:
         dependent = [i for i in range(turn.shape[1]) if i not in own]
         change = np.zeros((turn.shape[1], len(free)))
         change[free, range(len(free))] = 1.0
+        led = np.zeros((turn.shape[1], at.u.size))
         if dependent:
             size = coordinate_sizes(self.coordinates, self.sizes.x)
-            G = _scaled(G, size)[self.felt]
+            exponents = _exponents(G, size)[self.felt, None]
+            G = np.ldexp((G * size)[self.felt], -exponents)
             follow = np.linalg.lstsq(G[:, dependent], G[:, free], rcond=None)[0]
             change[dependent] = -size[dependent, None] * follow / size[free]
-        return Tangent(turn @ change, back[free], back_rate[free])
+            if self.led.any():
+                by_inputs = np.where(self.led[:, None], self.invariants.along(at, du=np.eye(at.u.size)), 0.0)[self.felt]
+                led[dependent] = -size[dependent, None] * np.linalg.lstsq(G[:, dependent], np.ldexp(by_inputs, -exponents), rcond=None)[0]
+        return Tangent(turn @ change, turn @ led, back[free], back_rate[free])
 
 
 def coordinate_sizes(coordinates: ChartCoordinates, sizes: np.ndarray) -> np.ndarray:
@@ -76,9 +83,12 @@ def coordinate_sizes(coordinates: ChartCoordinates, sizes: np.ndarray) -> np.nda
 
 def _scaled(G: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """Rows G (m, n) for entries measured by their sizes (n,), each row divided by its largest entry, to a power of two."""
-    G = G * sizes
-    largest = np.max(np.abs(G), axis=1, initial=0.0)
-    return np.ldexp(G, -np.frexp(largest)[1][:, None])
+    return np.ldexp(G * sizes, -_exponents(G, sizes)[:, None])
+
+
+def _exponents(G: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+    """Of the powers of two that these entries are divided by (m,)."""
+    return np.frexp(np.max(np.abs(G * sizes), axis=1, initial=0.0))[1]
 
 
 def deviations_at(functions: Functions, at: OperatingPoint, x_dot: Differentiable | None = None) -> Deviations:
@@ -111,9 +121,15 @@ def deviations_at(functions: Functions, at: OperatingPoint, x_dot: Differentiabl
     positions = independent_entries(_scaled(G[:rows, :nq], size[:nq])).free
     scalar = [k for k in range(joints, rows) if not G[k, :nq].any()]  # gaps of scalar parts, whose positions come later
     later = [*scalar, *range(rows, G.shape[0])]
-    rates = independent_entries(_scaled(G[later, nq:], size[nq:]), _matching(s, coordinates, positions)).free
+    led = np.array([ca.depends_on(row, s.u) for row in ca.vertsplit(s.velocity_invariants)], dtype=bool)
+    preferred = [_matching(s, coordinates, positions)]
+    if led.any():  # what follows inputs is no state of its own
+        followers = {s.scalar_places[k] - s.nq for k in s.scalar.followers}
+        preferred.insert(0, [i for i in range(size.size - nq) if i not in followers])
+    rates = independent_entries(_scaled(G[later, nq:], size[nq:]), *preferred).free
     free = (*positions, *(nq + i for i in rates))
-    return Deviations(s, x_dot, invariants, sizes, coordinates, free, tuple(names[i] for i in free), felt)
+    led = np.concatenate([np.zeros(rows, dtype=bool), led, np.zeros(G.shape[0] - rows - led.size, dtype=bool)])
+    return Deviations(s, x_dot, invariants, sizes, coordinates, free, tuple(names[i] for i in free), felt, led)
 
 
 def held_by(s: ReducedSystem) -> tuple[ca.SX, ca.SX]:

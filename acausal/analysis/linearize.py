@@ -24,6 +24,7 @@ from acausal.outputs.functions import Functions
 from acausal.outputs.infinite import without_value
 from acausal.wording import compact
 
+_LED = "linearize: a state must not depend on an input. Choose variables that keep their value when an input jumps."
 _CLOSED = 1e-8
 _STEADY = 1e-9
 _STILL = 1e-12
@@ -238,9 +239,7 @@ class Wanted:
         if given and not column.numel():
             raise OptionError("linearize: `states` is empty. Leave it out, or name expressions such as scene.hinge.q.")
         if ca.depends_on(column, s.u):
-            raise OptionError(
-                "linearize: a state must not depend on an input. Choose variables that keep their value when an input jumps."
-            )
+            raise OptionError(_LED)
         self.given = given
         self.states = Differentiable(s, column)
         self.rates = Differentiable(s, functions.outputs.rate(column))
@@ -276,7 +275,7 @@ class Linear:
         if not self._wanted.given:
             # deviations are seen in axes that go along with the motion, hence the rate of `pick`
             A = tangent.pick @ self._x_dot.along(at, tangent.expand) + tangent.pick_rate @ tangent.expand
-            B = tangent.pick @ self._x_dot.along(at, du=by_input)
+            B = tangent.pick @ self._x_dot.along(at, tangent.led, du=by_input)
             expand, sizes, rates = tangent.expand, self._sizes, tangent.pick @ x_dot
         else:
             A, B, expand, sizes = self._chosen_states(at, tangent, by_input, check)
@@ -284,7 +283,7 @@ class Linear:
         if self._wanted.outputs is None:
             return Matrices(A, B, np.eye(len(A)), np.zeros_like(B), expand, sizes, rates)
         C_all = self._wanted.outputs.along(at, tangent.expand)
-        D = self._wanted.outputs.along(at, du=by_input)
+        D = self._wanted.outputs.along(at, tangent.led, du=by_input)
         if check:
             H = self._wanted.states.along(at, tangent.expand) if self._wanted.given else np.eye(len(A))
             noise = self._wanted.outputs.rounding(at, self._deviations.sizes.x)
@@ -298,13 +297,15 @@ class Linear:
         H = self._wanted.states.along(at, tangent.expand) * self._sizes
         R = self._wanted.rates.along(at, tangent.expand) * self._sizes
         if check:
+            if np.any(self._wanted.states.along(at, tangent.led)):
+                raise OptionError(_LED)
             self._check_independent(H, self._wanted.states.rounding(at, self._deviations.sizes.x) / np.finfo(float).eps)
             noise = self._wanted.rates.rounding(at, self._deviations.sizes.x)
             self._check_closed(R, H, noise, self._chosen, "the rate of {0} also depends")
         size = power_of_two(np.max(np.abs(H), axis=1, initial=0.0))
         inverse = np.linalg.pinv(H / size[:, None], rcond=_RANK) / size
         expand = tangent.expand @ (self._sizes[:, None] * inverse)
-        return R @ inverse, self._wanted.rates.along(at, du=by_input), expand, size
+        return R @ inverse, self._wanted.rates.along(at, tangent.led, du=by_input), expand, size
 
     def _check_independent(self, H: np.ndarray, terms: np.ndarray) -> None:
         """`terms` (k,): what the values of the states are made of."""

@@ -42,7 +42,7 @@ class Heun(AbstractIntegrator):
                 status = Status(StatusKind.NON_FINITE, float(t[k]), "A rate is not finite.", int(np.argmin(np.isfinite(new))))
                 return _solution(t[: k + 1], x[:, : k + 1], time.perf_counter() - began, status)
             if problem.project is not None:  # loops, quaternions: back onto the invariants
-                new = np.array(problem.project(t[k + 1], new, problem.parameters)).ravel()
+                new = np.array(problem.project(t[k + 1], new, problem.inputs(t[[k + 1]])[:, 0], problem.parameters)).ravel()
             x[:, k + 1] = new
         return _solution(t, x, time.perf_counter() - began, Status(StatusKind.SUCCESS, t1))
 

@@ -46,7 +46,7 @@ def main(folder: str = "out") -> float:
     print(best)
     invariants = model.functions.invariants
     assert invariants is not None
-    gap = max(float(np.max(np.abs(np.array(invariants(t, x, []))))) for t, x in zip(best.t, best.x.T, strict=True))
+    gap = max(float(np.max(np.abs(np.array(invariants(t, x, 0, []))))) for t, x in zip(best.t, best.x.T, strict=True))
     print(
         f"the loop is closed to {gap:.0e} m; the wrist pin carries up to {np.max(np.linalg.norm(best.run[scene.wrist.frame_b.force], axis=1)):.1f} N"
     )
