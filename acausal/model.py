@@ -147,6 +147,12 @@ class Model(AbstractModel):
         from acausal.minimal.model import minimal_model
 
         refuse_modes(self.system.mechanics.modes, "minimal")
+        if self.system.led:
+            names = compact((self.system.flat.names[entry] for entry in self.system.led), 4)
+            raise OptionError(
+                f"minimal: states follow from nonlinear equations in which inputs stand, {names}, and jump with them; minimal coordinates do not yet. "
+                "Use the model itself."
+            )
         if self.functions.modes is not None:
             raise OptionError(
                 f"minimal does not go with what events set yet: {compact(self.functions.modes.all_words, 4) or self.system.flat.name}."

@@ -11,6 +11,8 @@ from acausal.errors import OptionError
 from acausal.numerics.staged import plain
 from acausal.outputs.functions import Functions
 
+_MET, _JUMPED, _CORRECTIONS = 1e-12, 1e-9, 1000
+"""Of its size, what the last correction of what jumps with inputs changes, and what may be left of it; how many there are at most."""
 _PROJECTIONS = 3
 """Moving positions opens the rows of velocities a little; the next projection closes them."""
 
@@ -20,7 +22,31 @@ def step_of(functions: Functions, method: str, order: int, h: float | None) -> c
     the last of the inputs."""
     f = functions
     project = f.projection if f.modes is None else plain(f.modes.projection)
-    return step_function(f.explicit_dynamics, project, method=method, order=order, h=h, holds=f.holds)
+    return step_function(f.explicit_dynamics, project, method=method, order=order, h=h, holds=f.holds, jump=_jump(f))
+
+
+def _jump(f: Functions) -> ca.Function | None:
+    """(t, x, u, p) -> x with what nonlinear equations give by inputs as these say, and how far off that is, of its size; None where they give nothing."""
+    s, space = f.outputs.system, f.space
+    if not s.led or f.projection is None:
+        return None
+    places = [space.places.index(s.scalar_places[k]) for k in sorted(s.scalar.followers)]
+    z = space.x[places]
+    y, size = ca.SX.sym("y", len(places)), ca.SX.sym("size", len(places))
+    rows = ca.substitute(space.put(s.scalar.residuals), z, size * y)
+    left = ca.Function("left", [y, *space.arguments, size], [ca.densify(rows)], {"cse": True})
+    options = {"abstol": 0.0, "abstolStep": _MET, "max_iter": _CORRECTIONS, "error_on_fail": False}
+    solver = ca.rootfinder("jump", "fast_newton", left, options)
+    t, x, u, p = (ca.MX.sym(n, k.numel()) for n, k in zip("txup", space.arguments, strict=True))
+
+    def off(state: ca.MX) -> ca.MX:
+        return f.projection(t, state, u, p)[places] - state[places]  # pyright: ignore[reportOptionalCall]  # looked at above
+
+    much = ca.fabs(x[places]) + ca.fabs(off(x))
+    much = ca.if_else(ca.logic_and(much > 0, much < np.inf), much, 1)
+    after = ca.MX(x)
+    after[places] = much * solver(x[places] / much, t, x, u, p, much)
+    return ca.Function("jump", [t, x, u, p], [after, ca.mmax(ca.fabs(off(after)) / much)])
 
 
 def step_function(
@@ -31,13 +57,15 @@ def step_function(
     order: int = 4,
     h: float | None = None,
     holds: ca.Function | None = None,
+    jump: ca.Function | None = None,
 ) -> ca.Function:
     """(t, x, u, p, h) -> (x_next, residual), without the last argument for a fixed `h`: one step of Gauss (even order) or Radau IIA (odd order) collocation.
 
     The stage rates are found by CasADi's `fast_newton`, which generates C and has exact derivatives, but may return NaN as
     success: `residual` is the largest error of the stage equations (NaN counts), and must be checked where it matters.
     `project`: (t, x, u, p) -> x nearer to the invariants, where there are any; x_next is brought onto them, as in `simulate`.
-    `holds`: (t, x, u, p) -> margin; where it is negative at the beginning, the residual is infinite.
+    `holds`: (t, x, u, p) -> margin; where it is negative at the beginning, the residual is infinite. `jump`: (t, x, u, p) -> (x as inputs make it at once,
+    how far off that is, of its size), where they do; the residual is infinite where that is not found.
     The inputs u are held over the step. Raises `OptionError` for an order that the method does not have.
     """
     order = whole_number(order, "step: the order", 1, 99)
@@ -68,14 +96,16 @@ def step_function(
     tm, xm, um, pm, hm = (
         ca.MX.sym(n, k) for n, k in (("t", 1), ("x", nx), ("u", rhs.size1_in(2)), ("p", rhs.size1_in(3)), ("h", 1))
     )
-    guess = ca.repmat(rhs(tm, xm, um, pm), s, 1)
-    found = solver(guess, tm, xm, um, pm, hm)
-    after = xm + hm * (ca.reshape(found, nx, s) @ ca.DM(tableau.b))
+    begun, missed = (xm, ca.MX(0)) if jump is None else jump(tm, xm, um, pm)
+    guess = ca.repmat(rhs(tm, begun, um, pm), s, 1)
+    found = solver(guess, tm, begun, um, pm, hm)
+    after = begun + hm * (ca.reshape(found, nx, s) @ ca.DM(tableau.b))
     for _ in range(_PROJECTIONS if project is not None and nx else 0):
         assert project is not None
         after = project(tm + hm, after, um, pm)
-    left = ca.mmax(ca.fabs(system(found, tm, xm, um, pm, hm))) if nx else ca.MX(0)
+    left = ca.mmax(ca.fabs(system(found, tm, begun, um, pm, hm))) if nx else ca.MX(0)
     nan_safe = ca.if_else(ca.sum1(found) == ca.sum1(found), left, np.inf) if nx else left
+    nan_safe = nan_safe if jump is None else ca.if_else(missed <= _JUMPED, nan_safe, np.inf)
     nan_safe = nan_safe if holds is None else ca.if_else(holds(tm, xm, um, pm) >= 0, nan_safe, np.inf)
     name, arguments, results = f"{method}{order}_step", [tm, xm, um, pm, hm], [after, nan_safe]
     free = ca.Function(name, arguments, results, ["t", "x", "u", "p", "h"], ["x_next", "residual"])

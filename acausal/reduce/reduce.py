@@ -20,7 +20,7 @@ from acausal.dynamics.tree import JointSymbols, Tree
 from acausal.errors import AssemblyError, LockedError, ModelError, OverdeterminedError
 from acausal.language.connector import Electrical
 from acausal.language.equation import input_rates
-from acausal.language.expression import InputRate, Mode, Reaction, Symbol, Variable, stacked, time
+from acausal.language.expression import Input, InputRate, Mode, Reaction, Symbol, Variable, stacked, time
 from acausal.language.flatten import FlatSystem, Part
 from acausal.loops.constraints import Constraints, analyse_constraints, closed_sketch
 from acausal.loops.loop_forces import loop_forces, on_branch, projection
@@ -223,6 +223,12 @@ class ReducedSystem:
         values = [symbolic(part) for pose in links for part in (pose.position, pose.rotation)] + list(self.scalar.solved.values())
         circuits = any(isinstance(connector, Electrical) for connector in self.flat.connector_paths)
         return circuits or any(ca.depends_on(value, ca.vertcat(self.t, self.u)) for value in values)
+
+    @functools.cached_property
+    def led(self) -> tuple[Input, ...]:
+        """Inputs that nonlinear equations give states by: these jump when they do."""
+        used = {s.element_hash() for s in ca.symvar(self.scalar.residuals)}
+        return tuple(entry for entry in self.flat.inputs if entry.sx.element_hash() in used and not isinstance(entry, Mode))
 
     @functools.cached_property
     def holding(self) -> Holding:
