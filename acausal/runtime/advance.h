@@ -116,7 +116,7 @@ static int cross_knot(Integrator *I) {
     if (I->steps > 0) I->times[I->steps - I->first] = I->t == I->end ? I->t : T->knot;
     forget_rates(I);
     if (I->held && !agree(I, I->t, I->x, 1)) return 0;
-    return !I->ng || present(&I->clearance) || jump_along(I, 0, NULL);
+    return !I->ng || present(&I->clearance) || (jump_along(I, 0, NULL) && (!I->directions || directions_jump(I, 0, NULL)));
 }
 
 /* Where the next step must end: before the next knot that lies ahead, or at the end. */

@@ -295,21 +295,30 @@ static void correction_at(Integrator *I, double t, const double *x, double *by, 
     for (long j = 0; j < I->ng; j++) *left = fabs(out[I->nx + j][0]) < INFINITY ? fmax(*left, fabs(out[I->nx + j][0])) : INFINITY;
 }
 
+/* How much later [s], `latest` at most, the kernel of the projection sees on which sides switches are, and the state x there, along `rates`; 0 where these are NULL. Negative where
+   that is not found, infinite when the input function failed. */
+static double seen_later(Integrator *I, double latest, const double *rates, double *x) {
+    struct State *T = I->state;
+    double later = rates ? BARELY * EPS * fmax(fabs(I->t), latest) : 0;
+    memcpy(x, I->x, sizeof(double) * (size_t)I->nx);
+    for (; rates; later *= 4) {
+        int same = 1;
+        for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + later * rates[i];
+        if (!true_sides(I, I->t + later, x)) return INFINITY;
+        for (long k = I->masks; k < I->held; k++) same &= T->sides_out[k - I->masks][0] == T->side[k];
+        if (same) break;
+        if (later > latest) return -1;
+    }
+    return later;
+}
+
 /* Where sides have gone over, or inputs have jumped, what nonlinear equations give by other states jumps with them: by corrections that are shortened until less
    is left of the equations, or at least of the correction (Deuflhard, Newton Methods for Nonlinear Problems, 3.3). `rates`: of the states, on the new side,
    which is seen `latest` later at most; NULL where it is seen already. Where that is not found they stay. 0 when the input function failed. */
 static int jump_along(Integrator *I, double latest, const double *rates) {
     struct State *T = I->state;
-    double *x = T->before, *by = T->increment, *trial = T->change_left, *next = T->most_left, later = rates ? BARELY * EPS * fmax(fabs(I->t), latest) : 0, part, left;
-    memcpy(x, I->x, sizeof(double) * (size_t)I->nx);
-    for (int same = !rates; !same; later *= 4) { /* the kernel sees for itself on which side it is */
-        for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + later * rates[i];
-        if (!true_sides(I, I->t + later, x)) return 0;
-        same = 1;
-        for (long k = I->masks; k < I->held; k++) same &= T->sides_out[k - I->masks][0] == T->side[k];
-        if (same) break;
-        if (later > latest) return 1;
-    }
+    double *x = T->before, *by = T->increment, *trial = T->change_left, *next = T->most_left, later = seen_later(I, latest, rates, x), part, left;
+    if (!(later >= 0 && later < INFINITY)) return later < 0;
     if (!give_to_projection(I, I->t + later, T->side)) return 0;
     correction_at(I, I->t + later, x, by, &part, &left);
     if (part <= KEPT) return 1;
@@ -338,6 +347,14 @@ static int jump_along(Integrator *I, double latest, const double *rates) {
     memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
     memcpy(I->states + (I->steps - I->first) * I->nx, I->x, sizeof(double) * (size_t)I->nx); /* with which the next step begins */
     return 1;
+}
+
+/* With it directions jump: those of what is given follow the others. */
+static int directions_jump(Integrator *I, double latest, const double *rates) {
+    struct State *T = I->state;
+    double later = seen_later(I, latest, rates, T->before);
+    for (long b = 0; b < direction_blocks(I) && later >= 0 && later < INFINITY; b++) project_block(I, I->t + later, T->before, b, T->D + b * I->nx);
+    return later < INFINITY;
 }
 
 /* The switch of a row goes over, here and now. Not REACHED_END where the motion slides along it. */
@@ -373,6 +390,7 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     T->side[k] = old; /* rows are those that are held until now */
     if (I->directions && !jump_directions(I, L->row, 0.1 * BACK * L->planned, before, after)) return INPUT_FAILED;
     T->side[k] = new;
+    if (I->directions && I->ng && !present(&I->clearance) && !directions_jump(I, 0.1 * BACK * L->planned, after)) return INPUT_FAILED;
     I->h = remembered[new > 0] > 0 ? remembered[new > 0] : L->planned;
     forget_rates(I);
     if (jump <= 1) T->last_h = last; /* they only bend */
