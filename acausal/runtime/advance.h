@@ -108,6 +108,11 @@ void moved_integration(Integrator *I, const char *block) {
     }
 }
 
+/* What nonlinear equations give by other states, where inputs have jumped. 0 when the input function failed. */
+static int jumps_with_inputs(Integrator *I) {
+    return !I->ng || present(&I->clearance) || (jump_along(I, 0, NULL) && (!I->directions || directions_jump(I, 0, NULL)));
+}
+
 /* To the far side of the next knot, where the last step is told to have ended: what the rates were before says nothing of what they are now. */
 static int cross_knot(Integrator *I) {
     struct State *T = I->state;
@@ -116,7 +121,7 @@ static int cross_knot(Integrator *I) {
     if (I->steps > 0) I->times[I->steps - I->first] = I->t == I->end ? I->t : T->knot;
     forget_rates(I);
     if (I->held && !agree(I, I->t, I->x, 1)) return 0;
-    return !I->ng || present(&I->clearance) || (jump_along(I, 0, NULL) && (!I->directions || directions_jump(I, 0, NULL)));
+    return jumps_with_inputs(I);
 }
 
 /* Where the next step must end: before the next knot that lies ahead, or at the end. */
@@ -152,6 +157,7 @@ static enum Code begin_motion(Integrator *I) {
     if (code != REACHED_END) return code;
     if (I->held && !begin_sides(I)) return INPUT_FAILED;
     if (changes_modes(I)) code = begin_modes(I);
+    if (code == REACHED_END && I->led && !jumps_with_inputs(I)) return INPUT_FAILED; /* of a motion that goes on with others */
     T->begun = code == REACHED_END;
     return code;
 }
@@ -167,10 +173,10 @@ static enum Code decide_here(Integrator *I) {
 /* Where only the last step is kept, what happens at its end is decided when it has been read: by `settle_modes`, or with the next step. */
 int settle_modes(Integrator *I) { return (int)(I->state->begun ? decide_here(I) : begin_motion(I)); }
 
-/* Whether modes are still to be decided before the motion is read at time t. */
+/* Whether modes are still to be decided before the motion is read at time t, or what follows inputs is to jump with them. */
 int unsettled(const Integrator *I, double t) {
     const struct State *T = I->state;
-    if (!changes_modes(I) || !T->begun) return changes_modes(I);
+    if (!changes_modes(I) || !T->begun) return changes_modes(I) || (I->led && !T->begun);
     return (T->crossed || T->pending >= 0) && t >= I->times[I->steps - I->first];
 }
 

@@ -31,14 +31,14 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> In
     when `ac.with_knots` says where. The rates of the first three follow; that of a function that takes `ac.time` is its derivative; otherwise
     a tuple is needed: the value and as many rates as parts ask for. Raises `ParameterError` where there is none.
     """
-    known = functions.outputs.system.flat.inputs
+    known, led = functions.outputs.system.flat.inputs, functions.outputs.system.led
     owned = [_own(entry) for entry in known]
     most: dict[Input, int] = {}
     for own, order in owned:
         most[own] = max(order, most.get(own, 0))
     return Inputs(
         tuple(
-            _of_order(order, own, most[own], inputs.get(own, own.default), functions.outputs.name(entry))
+            _of_order(order, own, most[own], inputs.get(own, own.default), functions.outputs.name(entry), own in led)
             for entry, (own, order) in zip(known, owned, strict=True)
         )
     )
@@ -76,13 +76,14 @@ def check_smooth(functions: Functions, inputs: Callable[[np.ndarray], np.ndarray
                 )
 
 
-def _of_order(order: int, own: Input, wanted: int, value: InputValue, name: str) -> Course:
-    """The course of an input, or of a rate of one, of which so many are wanted."""
+def _of_order(order: int, own: Input, wanted: int, value: InputValue, name: str, led: bool) -> Course:
+    """The course of an input, or of a rate of one, of which so many are wanted; `led`: nonlinear equations follow it."""
     if isinstance(value, tuple) and len(value) == wanted + 1 > 1:
         return _course(value[order], name)
     if order == 0:
         return _course(value, name, wanted)
-    return _rate(value, name, order, f"the function of time of {own.name} ({origin()})", wanted)
+    why = "stands in nonlinear equations, whose solution follows it" if led else f"prescribes {_PRESCRIBED[wanted]}"
+    return _rate(value, name, order, f"the function of time of {own.name} ({origin()})", wanted, why)
 
 
 def _own(entry: Input) -> tuple[Input, int]:
@@ -116,8 +117,8 @@ _RATES = ("function of its rate", "function of its second rate")
 _PRESCRIBED = ("", "a speed", "a place or an angle")
 
 
-def _rate(value: Any, name: str, order: int, what: str, wanted: int) -> Course:
-    """The rate of this order, of so many that are wanted, of an input that is given as `value`, called `what`."""
+def _rate(value: Any, name: str, order: int, what: str, wanted: int, why: str) -> Course:
+    """The rate of this order, of so many that are wanted, of an input that is given as `value`, called `what`; `why` it is needed."""
     if is_spline(value):
         (pieces,) = pieces_of(value)
         for _ in range(order):
@@ -128,7 +129,7 @@ def _rate(value: Any, name: str, order: int, what: str, wanted: int) -> Course:
             value = value(time)
         except (AcausalError, TypeError, ValueError, NotImplementedError, RuntimeError) as error:
             raise ParameterError(
-                f"The rate {name} is needed, since its input prescribes {_PRESCRIBED[wanted]}, and {what} cannot be differentiated: "
+                f"The rate {name} is needed, since its input {why}, and {what} cannot be differentiated: "
                 f"{str(error).rstrip('.')}. Write it with functions of numpy or CasADi, or give its rates with it: "
                 f"(function, {', '.join(_RATES[:wanted])})."
             ) from error

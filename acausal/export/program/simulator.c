@@ -435,8 +435,14 @@ static int settle_here(simulator_instance *s) {
     return code == REACHED_END ? SIMULATOR_SUCCESS : ended(s, code);
 }
 
+static int renew(simulator_instance *s);
+static int arrive(simulator_instance *s, double t);
+
 /* Brings the numbers of a kind up to the present time. */
 static int find(simulator_instance *s, simulator_kind kind) {
+    if (s->I.led && s->stage == STARTED && s->renewed == NEW_INPUTS && (kind == SIMULATOR_STATE || kind == SIMULATOR_OUTPUT)) { /* states follow inputs at once */
+        if (renew(s) != SIMULATOR_SUCCESS || arrive(s, s->present) != SIMULATOR_SUCCESS) return (int)s->report.status;
+    }
     if (kind != SIMULATOR_INPUT && kind != SIMULATOR_OUTPUT) return SIMULATOR_SUCCESS;
     if (s->stage == NEW && kind == SIMULATOR_OUTPUT) return said(s, SIMULATOR_BAD_ARGUMENT, "Outputs need a start.");
     if (kind == SIMULATOR_OUTPUT && s->stage == STARTED && unsettled(&s->I, -INFINITY) && settle_here(s) != SIMULATOR_SUCCESS) return (int)s->report.status;
@@ -569,11 +575,18 @@ int simulator_start_at(simulator_instance *s, double t, const double *states) { 
 
 int simulator_renew(simulator_instance *s) { return renewed_by(s, SIMULATOR_INPUT); }
 
+/* Whether what has been set on the way is a state of the model; if not, the motion ends. */
+static int still_fits(simulator_instance *s) {
+    simulator_status status = fits(s, 0);
+    if (status == SIMULATOR_SUCCESS) return SIMULATOR_SUCCESS;
+    return failed(s, status, status == SIMULATOR_NON_FINITE ? "The values that were set are not finite." : 0);
+}
+
 /* Goes on at the present time with what has been set. */
 static int renew(simulator_instance *s) {
     if (!present_inputs(s)) return failed(s, SIMULATOR_FAILED_INPUT, 0);
-    simulator_status status = s->renewed == NEW_VALUES ? fits(s, 0) : SIMULATOR_SUCCESS;
-    if (status != SIMULATOR_SUCCESS) return failed(s, status, status == SIMULATOR_NON_FINITE ? "The values that were set are not finite." : 0);
+    const int anew = s->renewed == NEW_VALUES;
+    if (anew && !s->I.led && still_fits(s) != SIMULATOR_SUCCESS) return (int)s->report.status;
     simulator_report r = simulator_summary(s);
     s->report.steps = r.steps;
     s->report.rejected = r.rejected;
@@ -583,7 +596,10 @@ static int renew(simulator_instance *s) {
     s->report.factorisations = r.factorisations;
     s->change = simulator_change(s);
     memcpy(s->met, s->I.size, sizeof(double) * (size_t)s->I.nx);
-    return begin_piece(s, s->I.h, s->met);
+    const int begun = begin_piece(s, s->I.h, s->met);
+    if (begun != SIMULATOR_SUCCESS || !(anew && s->I.led)) return begun;
+    if (arrive(s, s->present) != SIMULATOR_SUCCESS) return (int)s->report.status; /* states follow inputs before others are looked at */
+    return still_fits(s);
 }
 
 /* The motion */
