@@ -23,7 +23,7 @@ LAWS: dict[str, Callable] = {
 
 
 class Drawn:
-    """x_i' = -T_i y_i and law(y_i) + sum C_ij y_j = x_i, from x_i = 0.3 (i + 1)."""
+    """x_i' = -T_i y_i and law(y_i) + sum C_ij y_j = x_i + push, from x_i = 0.3 (i + 1)."""
 
     def __init__(self, seed: int) -> None:
         rng = np.random.default_rng(seed)
@@ -39,13 +39,13 @@ class Drawn:
         assert np.abs(answer.fun).max() < 1e-12
         return answer.x
 
-    def scene(self, x_unit: np.ndarray, y_unit: np.ndarray, row_unit: np.ndarray, share: float | ac.Parameter = 1.0) -> ac.System:
+    def scene(self, x_unit: np.ndarray, y_unit: np.ndarray, row_unit: np.ndarray, share: float | ac.Parameter = 1.0, push: float | ac.Input = 0.0) -> ac.System:
         n = self.n
         own = {f"x{i}": ac.Variable("1", start=float(self.start[i] * x_unit[i])) for i in range(n)}
         own |= {f"y{i}": ac.Variable("1") for i in range(n)}
 
         def equations(part):
-            x = [getattr(part, f"x{i}") / x_unit[i] for i in range(n)]
+            x = [getattr(part, f"x{i}") / x_unit[i] + push for i in range(n)]
             y = [getattr(part, f"y{i}") / y_unit[i] for i in range(n)]
             for i in range(n):
                 others = [self.C[i, j] * y[j] for j in range(n) if self.C[i, j]]
@@ -53,7 +53,7 @@ class Drawn:
                 yield ac.equal(ac.der(getattr(part, f"x{i}")), -x_unit[i] * self.T[i] * y[i])
 
         scene = ac.System()
-        scene.share = share
+        scene.share, scene.push = share, push
         scene.network = type("Network", (ac.Component,), {**own, "equations": equations})()
         return scene
 

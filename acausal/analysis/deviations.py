@@ -110,7 +110,10 @@ def deviations_at(functions: Functions, at: OperatingPoint, x_dot: Differentiabl
     x_dot = Differentiable(s, s.x_dot) if x_dot is None else x_dot
     sizes = sizes_at(s, x_dot, at)
     G, size = invariants.along(at, _turns(coordinates, at.x)[0]), coordinate_sizes(coordinates, sizes.places)
-    moving = replace(at, x=np.concatenate([at.x[: s.nq], np.maximum(np.abs(at.x), sizes.places)[s.nq :]]))
+    followers = [s.scalar_places[k] for k in sorted(s.scalar.followers)]
+    moved = np.concatenate([at.x[: s.nq], np.maximum(np.abs(at.x), sizes.places)[s.nq :]])
+    moved[followers] = at.x[followers]  # elsewhere their laws may be of any size
+    moving = replace(at, x=moved)
     rounding = ROUNDING * np.finfo(float).eps * invariants.terms(moving)
     felt = ~(
         np.max(np.abs(G * size), axis=1, initial=0.0) <= rounding
@@ -124,8 +127,7 @@ def deviations_at(functions: Functions, at: OperatingPoint, x_dot: Differentiabl
     led = np.array([ca.depends_on(row, s.u) for row in ca.vertsplit(s.velocity_invariants)], dtype=bool)
     preferred = [_matching(s, coordinates, positions)]
     if led.any():  # what follows inputs is no state of its own
-        followers = {s.scalar_places[k] - s.nq for k in s.scalar.followers}
-        preferred.insert(0, [i for i in range(size.size - nq) if i not in followers])
+        preferred.insert(0, [i for i in range(size.size - nq) if i + s.nq not in followers])
     rates = independent_entries(_scaled(G[later, nq:], size[nq:]), *preferred).free
     free = (*positions, *(nq + i for i in rates))
     led = np.concatenate([np.zeros(rows, dtype=bool), led, np.zeros(G.shape[0] - rows - led.size, dtype=bool)])

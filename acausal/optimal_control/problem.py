@@ -101,6 +101,12 @@ class OptimalControl:
         self.model, self._functions = model, model.functions
         self._mode = phase_mode(self._functions, dictionary(modes or {}, "modes", "{scene.foot: 'sticks'}"))
         rates = [entry.of for entry in self._mode.inputs if isinstance(entry, InputRate) and not isinstance(entry.of, InputRate)]
+        led = [entry for entry in rates if entry in self._functions.outputs.system.led]
+        if led:
+            raise OptionError(
+                f"OptimalControl: the input {self.name(led[0])} stands in nonlinear equations, whose solution jumps with it, which is not found here. Let its rate be the input, and itself a "
+                "state: signals.Integrator behind an ac.Input."
+            )
         if rates:
             raise OptionError(
                 f"OptimalControl: the input {self.name(rates[0])} prescribes a place, an angle or a speed, and by its rates moves the scene, too, which are not found here. Let an acceleration be the "

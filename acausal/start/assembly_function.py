@@ -27,6 +27,7 @@ from acausal.language.expression import Expression, Input, Parameter, Symbol
 from acausal.numerics.assembly import range_and_null_space
 from acausal.numerics.folding import folded_function
 from acausal.numerics.sizes import Drawn, row_sizes
+from acausal.numerics.terms import rounded
 from acausal.numerics.thresholds import DEPENDENT
 from acausal.outputs.functions import Functions
 from acausal.outputs.outputs import Outputs
@@ -246,7 +247,8 @@ def _untorn(reference: InitialState, here: np.ndarray, asked: ca.MX, steps: int)
         J = block.constraints(z, np.concatenate([known, z]))[1]
         size = np.linalg.norm(J * scale, axis=1)
         c = block.hard / ca.DM(np.where(size > 0, size, 1.0))
-        gap = folded_function("open", [block.unknowns.y, block.unknowns.data], [ca.sumsqr(c) - _OPEN**2])
+        off = ca.mmax(ca.fabs(block.hard) - _OPEN * rounded(block.hard))  # of their terms: at the reference all of these may be zero
+        gap = folded_function("open", [block.unknowns.y, block.unknowns.data], [off])
         stage = _Stage(gap, _solver(c, block.unknowns.y, block.unknowns.data, ca.DM(scale)), gap)
         way, there = _Way(stage, ca.DM(0, 1)), ca.vertcat(begun, asked)
         first = way.travelled(ca.MX(ca.DM(z)), ca.MX(ca.DM(known)), there, steps) if steps > 1 else ca.MX(ca.DM(z))
