@@ -39,7 +39,14 @@ class Drawn:
         assert np.abs(answer.fun).max() < 1e-12
         return answer.x
 
-    def scene(self, x_unit: np.ndarray, y_unit: np.ndarray, row_unit: np.ndarray, share: float | ac.Parameter = 1.0, push: float | ac.Input = 0.0) -> ac.System:
+    def scene(
+        self,
+        x_unit: np.ndarray,
+        y_unit: np.ndarray,
+        row_unit: np.ndarray,
+        share: float | ac.Parameter = 1.0,
+        push: float | ac.Input = 0.0,
+    ) -> ac.System:
         n = self.n
         own = {f"x{i}": ac.Variable("1", start=float(self.start[i] * x_unit[i])) for i in range(n)}
         own |= {f"y{i}": ac.Variable("1") for i in range(n)}

@@ -72,7 +72,9 @@ class Deviations:
             change[dependent] = -size[dependent, None] * follow / size[free]
             if self.led.any():
                 by_inputs = np.where(self.led[:, None], self.invariants.along(at, du=np.eye(at.u.size)), 0.0)[self.felt]
-                led[dependent] = -size[dependent, None] * np.linalg.lstsq(G[:, dependent], np.ldexp(by_inputs, -exponents), rcond=None)[0]
+                led[dependent] = (
+                    -size[dependent, None] * np.linalg.lstsq(G[:, dependent], np.ldexp(by_inputs, -exponents), rcond=None)[0]
+                )
         return Tangent(turn @ change, turn @ led, back[free], back_rate[free])
 
 

@@ -95,7 +95,9 @@ def _integrate_builtin(
             break
         if problem.project is not None:
             for _ in range(2):
-                new = np.array(problem.project(times[k + 1], new, problem.inputs(times[[k + 1]])[:, 0], problem.parameters)).ravel()
+                new = np.array(
+                    problem.project(times[k + 1], new, problem.inputs(times[[k + 1]])[:, 0], problem.parameters)
+                ).ravel()
         states.append(new)
         try:
             if progress is not None:

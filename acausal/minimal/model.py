@@ -290,7 +290,9 @@ def minimal_model(functions: Functions, at: Situation, prefer: Sequence[Variable
 
 
 def _chart(atlas: Atlas, t: float, x: Any, p: np.ndarray, prefer: tuple[int, ...]) -> Chart:
-    state = consistent_states(atlas.functions, x, t, atlas.functions.outputs.system.u_defaults, p)  # no inputs stand in the invariants
+    state = consistent_states(
+        atlas.functions, x, t, atlas.functions.outputs.system.u_defaults, p
+    )  # no inputs stand in the invariants
     check_decided(atlas.functions.outputs.system, t, state, p)
     for begin in atlas.manifold.coordinates.units:
         state[begin : begin + 4] /= np.linalg.norm(state[begin : begin + 4])

@@ -52,6 +52,11 @@ static int make_parts(Integrator *I) {
     if (!arranged(I, &I->rhs, &T->point_in, &T->point_out, &T->rhs_c, 1 + n + I->nu)) return 0;
     if (!I->counted) give_inputs(I, T->point_in);
     if (I->ng && !arranged(I, &I->projection, &T->projection_in, &T->projection_out, &T->projection_c, 1 + n + I->nu - I->held + I->masks)) return 0;
+    if (I->led) {
+        T->led_from = reserve_doubles(I, I->nu);
+        T->led_to = reserve_doubles(I, I->nu);
+        if (!I->counted && !(T->led_from && T->led_to)) return 0;
+    }
     if (present(&I->clearance) && (!arranged(I, &I->clearance, &T->clearance_in, &T->clearance_out, &T->clearance_c, 1 + n) || !make_passage(I) || !make_exact(I))) return 0;
     if (I->formulas && !make_formulas(I)) return 0;
     if (I->guards && !make_guards(I)) return 0;
@@ -108,7 +113,7 @@ void moved_integration(Integrator *I, const char *block) {
     }
 }
 
-/* What nonlinear equations give by other states, where inputs have jumped. 0 when the input function failed. */
+/* What nonlinear equations give by other states, where inputs have jumped, from T->led_from. 0 when the input function failed. */
 static int jumps_with_inputs(Integrator *I) {
     return !I->ng || (present(&I->clearance) && !I->led) || (jump_along(I, 0, NULL) && (!I->directions || directions_jump(I, 0, NULL)));
 }
@@ -117,6 +122,11 @@ static int jumps_with_inputs(Integrator *I) {
 static int cross_knot(Integrator *I) {
     struct State *T = I->state;
     if (changes_modes(I) && I->steps > 0 && !look_before_knot(I, T->knot - aside(I, T->knot))) return 0;
+    if (I->led) {
+        V *u = T->projection_in + 1 + I->nx;
+        if (!led_by(I, v_all(I->t), 1, u)) return 0;
+        for (long i = 0; i < I->nu - I->held; i++) T->led_from[i] = u[i][0];
+    }
     I->t = fmin(I->end, T->knot + aside(I, T->knot));
     if (I->steps > 0) I->times[I->steps - I->first] = I->t == I->end ? I->t : T->knot;
     forget_rates(I);
@@ -157,6 +167,7 @@ static enum Code begin_motion(Integrator *I) {
     if (code != REACHED_END) return code;
     if (I->held && !begin_sides(I)) return INPUT_FAILED;
     if (changes_modes(I)) code = begin_modes(I);
+    if (I->led) memcpy(T->led_from, I->before ? I->before : I->u, sizeof(double) * (size_t)(I->nu - I->held));
     if (code == REACHED_END && I->led && !jumps_with_inputs(I)) return INPUT_FAILED; /* of a motion that goes on with others */
     T->begun = code == REACHED_END;
     return code;

@@ -156,6 +156,7 @@ class Integrator(ctypes.Structure):
         ("table_list", ctypes.POINTER(Table)),
         ("formula_input", _Long),
         ("u", ctypes.c_void_p),
+        ("before", ctypes.c_void_p),
         ("copy_to", _Long),
         ("copy_from", _Long),
         ("x", ctypes.c_void_p),

@@ -131,6 +131,7 @@ typedef struct Integrator {
     const Table *table_list;
     const long *formula_input;
     double *u;
+    const double *before; /* inputs that the state at the start follows, where others are given from there on; or null */
     const long *copy_to, *copy_from; /* x'[copy_to] = x[copy_from] */
     double *x;                       /* start and current state */
     double t, end, rtol, atol, step; /* atol 0: states are judged by their sizes alone; step 0: adaptive */

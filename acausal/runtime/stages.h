@@ -187,6 +187,7 @@ struct State {
     double *set_side, *set_rows, *set_x, *discrete_change; /* of what is set, see sets.h; changes of discrete values (directions, discretes) */
     double *lock_noise;
     long *set_fired, *set_by;
+    double *led_from, *led_to; /* inputs before and after they jump */
     double *lifted;    /* masks, while gaps are put to zero */
     double *near_knot; /* gaps, rates and effects of rows just before the last knot */
     double *drift, *chance;     /* samples of what rounding of rates has made of states (COUNTED, nx), and room (4 nx) */

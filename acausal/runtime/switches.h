@@ -312,34 +312,73 @@ static double seen_later(Integrator *I, double latest, const double *rates, doub
     return later;
 }
 
-/* Where sides have gone over, or inputs have jumped, what nonlinear equations give by other states jumps with them: by corrections that are shortened until less
-   is left of the equations, or at least of the correction (Deuflhard, Newton Methods for Nonlinear Problems, 3.3). `rates`: of the states, on the new side,
-   which is seen `latest` later at most; NULL where it is seen already. Where that is not found they stay. 0 when the input function failed. */
-static int jump_along(Integrator *I, double latest, const double *rates) {
+/* Corrections of x at time t, shortened until less is left of the equations, or at least of the correction (Deuflhard, Newton Methods for Nonlinear Problems, 3.3). 1 where they come to
+   an end; 2 where x has been there. */
+static int corrected_in_parts(Integrator *I, double t, double *x) {
     struct State *T = I->state;
-    double *x = T->before, *by = T->increment, *trial = T->change_left, *next = T->most_left, later = seen_later(I, latest, rates, x), part, left;
-    if (!(later >= 0 && later < INFINITY)) return later < 0;
-    if (!give_to_projection(I, I->t + later, T->side)) return 0;
-    correction_at(I, I->t + later, x, by, &part, &left);
-    if (part <= KEPT) return 1;
+    double *by = T->increment, *trial = T->change_left, *next = T->most_left, part, left;
+    correction_at(I, t, x, by, &part, &left);
+    if (part <= KEPT) return 2;
     for (int k = 0; k < CORRECTED && part > 2 * EPS; k++) {
         double length = 1, then, there;
         int good = 0;
-        if (!(part < INFINITY)) return 1;
+        if (!(part < INFINITY)) return 0;
         for (int n = 0; n < SHORTER_BY && !good; n++, length *= 0.5) {
             for (long i = 0; i < I->nx; i++) trial[i] = x[i] + length * by[i];
-            correction_at(I, I->t + later, trial, next, &then, &there);
+            correction_at(I, t, trial, next, &then, &there);
             good = then < INFINITY && there < INFINITY && (there <= (1 - 0.25 * length) * left || then <= 0.5 * part || then <= 2 * EPS);
         }
-        if (!good) {
-            if (part > KEPT) return 1;
-            break;
-        }
+        if (!good) break;
         memcpy(x, trial, sizeof(double) * (size_t)I->nx);
         memcpy(by, next, sizeof(double) * (size_t)I->nx);
         part = then, left = there;
     }
-    if (part > KEPT) return 1;
+    return part <= KEPT;
+}
+
+#define LED_IN 10        /* corrections on the way that inputs lead, */
+#define LED_CLOSELY 1e-6 /* until the last one is so small beside a state, */
+#define LED_SHORTEST 1e-9 /* and the part of it that is too short to go on */
+
+/* The same by the way that inputs lead from what they were: in parts that are doubled after each that is closed, and quartered after others. */
+static int led_along(Integrator *I, double t, double *x) {
+    struct State *T = I->state;
+    V *u = T->projection_in + 1 + I->nx;
+    double *by = T->increment, *trial = T->change_left, done = 0, ahead = 0.25, part, left;
+    for (long i = 0; i < I->nu - I->held; i++) T->led_to[i] = u[i][0];
+    while (done < 1 && ahead > LED_SHORTEST) {
+        double there = fmin(1, done + ahead), close = there < 1 ? LED_CLOSELY : KEPT;
+        part = INFINITY;
+        memcpy(trial, x, sizeof(double) * (size_t)I->nx);
+        for (long i = 0; i < I->nu - I->held; i++) u[i] = v_all(T->led_from[i] + there * (T->led_to[i] - T->led_from[i]));
+        for (long i = 0; i < I->nu - I->held && there == 1; i++) u[i] = v_all(T->led_to[i]);
+        for (int k = 0; k < LED_IN && !(part <= close); k++) {
+            correction_at(I, t, trial, by, &part, &left);
+            if (!(part < INFINITY)) break;
+            for (long i = 0; i < I->nx; i++) trial[i] += by[i];
+        }
+        if (part <= close) {
+            memcpy(x, trial, sizeof(double) * (size_t)I->nx);
+            done = there;
+            ahead *= 2;
+        } else ahead *= 0.25;
+    }
+    return done == 1;
+}
+
+/* Where sides have gone over, or inputs have jumped, what nonlinear equations give by other states jumps with them. `rates`: of the states, on the new side,
+   which is seen `latest` later at most; NULL where it is seen already. Where that is not found they stay. 0 when the input function failed. */
+static int jump_along(Integrator *I, double latest, const double *rates) {
+    struct State *T = I->state;
+    double *x = T->before, later = seen_later(I, latest, rates, x);
+    if (!(later >= 0 && later < INFINITY)) return later < 0;
+    if (!give_to_projection(I, I->t + later, T->side)) return 0;
+    int found = corrected_in_parts(I, I->t + later, x);
+    if (!found && I->led && !rates) {
+        memcpy(x, I->x, sizeof(double) * (size_t)I->nx);
+        found = led_along(I, I->t, x);
+    }
+    if (found != 1) return 1;
     for (long i = 0; i < I->nx; i++) {
         I->x[i] = rates ? x[i] - later * rates[i] : x[i];
         T->size[i] = fmax(T->size[i], fabs(I->x[i]));

@@ -31,11 +31,13 @@ class Piece:
     def states(self, times: np.ndarray, seen: Functions) -> np.ndarray:
         """States (nx, n) of `seen` at times (n,), projected so that invariants hold."""
         x, project, native = self.solution.dense(times), self.functions.projection, self.problem.native
-        u = self.problem.with_modes(self.solution.modes).inputs(times) if native is None or native.integrand.numbers["led"] or native.integrand.masks else None
+        inputs = self.problem.with_modes(self.solution.modes).inputs
         if native is not None:
-            x = native.projected(times, x, u, self.problem.parameters)
+            matter = native.integrand.led or native.integrand.masks
+            x = native.projected(times, x, inputs(times) if matter else None, self.problem.parameters)
         elif project is not None:
-            p, projected = np.repeat(self.problem.parameters[:, None], times.size, axis=1), x
+            u, p = inputs(times), np.repeat(self.problem.parameters[:, None], times.size, axis=1)
+            projected = x
             for _ in range(3):  # moving q opens the velocity rows a little; the next projection closes them
                 projected = np.array(project(times[None, :], projected, u, p)).reshape(x.shape)
             x = np.where(np.all(np.isfinite(projected), axis=0), projected, x)

@@ -247,7 +247,9 @@ def _untorn(reference: InitialState, here: np.ndarray, asked: ca.MX, steps: int)
         J = block.constraints(z, np.concatenate([known, z]))[1]
         size = np.linalg.norm(J * scale, axis=1)
         c = block.hard / ca.DM(np.where(size > 0, size, 1.0))
-        off = ca.mmax(ca.fabs(block.hard) - _OPEN * rounded(block.hard))  # of their terms: at the reference all of these may be zero
+        off = ca.mmax(
+            ca.fabs(block.hard) - _OPEN * rounded(block.hard)
+        )  # of their terms: at the reference all of these may be zero
         gap = folded_function("open", [block.unknowns.y, block.unknowns.data], [off])
         stage = _Stage(gap, _solver(c, block.unknowns.y, block.unknowns.data, ca.DM(scale)), gap)
         way, there = _Way(stage, ca.DM(0, 1)), ca.vertcat(begun, asked)

@@ -34,6 +34,7 @@ struct simulator_instance {
     simulator_report report; /* the last status; the rest: of the pieces before the present one */
     double *values[KINDS]; /* the present ones of each kind; masks behind inputs */
     double *x, *met, *data; /* where the piece began, then the end of the last step; sizes that states have had; for the assembly */
+    double *before;         /* inputs before some were set */
     double *looks;          /* states at LOOKS times of a step */
     V *in, *out, *c, *w;    /* of outputs, and of inputs that are formulas */
     const double **arguments;
@@ -157,6 +158,7 @@ static size_t arrange(simulator_instance *s, char *block, const Integrator *I) {
     }
     s->x = take(block, &used, sizeof(double) * (size_t)I->nx);
     s->met = take(block, &used, sizeof(double) * (size_t)I->nx);
+    s->before = take(block, &used, sizeof(double) * (size_t)(I->led ? count_of(SIMULATOR_INPUT) : 0));
     s->data = take(block, &used, sizeof(double) * (size_t)data);
     s->looks = take(block, &used, sizeof(double) * (size_t)(model.clear.run ? LOOKS * I->nx : 0));
     s->in = take(block, &used, sizeof(V) * (size_t)larger(o->inputs, f->inputs));
@@ -171,6 +173,7 @@ static size_t arrange(simulator_instance *s, char *block, const Integrator *I) {
     s->I.room = room;
     s->I.x = s->x;
     s->I.u = s->values[SIMULATOR_INPUT];
+    s->I.before = I->led ? s->before : 0;
     s->I.parameters = s->values[SIMULATOR_PARAMETER];
     return used;
 }
@@ -378,14 +381,24 @@ static int renewed_by(simulator_instance *s, simulator_kind kind) {
     return SIMULATOR_SUCCESS;
 }
 
+static int present_inputs(simulator_instance *s);
+
+/* Before they are set: states follow them until then. */
+static void remember_inputs(simulator_instance *s, simulator_kind kind) {
+    if (kind != SIMULATOR_INPUT || !s->I.led || s->renewed == NEW_INPUTS || !present_inputs(s)) return;
+    memcpy(s->before, s->values[SIMULATOR_INPUT], sizeof(double) * (size_t)count_of(SIMULATOR_INPUT));
+}
+
 int simulator_set(simulator_instance *s, simulator_kind kind, long i, double value) {
     if (!exists(kind, i) || !changeable(s, kind) || is_given(s, kind, i)) return said(s, SIMULATOR_BAD_ARGUMENT, "There is no such number, or it cannot be set.");
+    remember_inputs(s, kind);
     s->values[kind][i] = value;
     return renewed_by(s, kind);
 }
 
 int simulator_set_all(simulator_instance *s, simulator_kind kind, const double *values) {
     if (!changeable(s, kind)) return said(s, SIMULATOR_BAD_ARGUMENT, "Numbers of this kind cannot be set.");
+    remember_inputs(s, kind);
     if (count_of(kind)) memcpy(s->values[kind], values, sizeof(double) * (size_t)count_of(kind));
     return renewed_by(s, kind);
 }
