@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import acausal as ac
-from acausal.errors import OptionError, OverdeterminedError, ParameterError
+from acausal.errors import OptionError, OverdeterminedError
 from acausal.language.connector import Translational
 from acausal.runtime.kernels import How
 from acausal.runtime.native import native_problem
@@ -33,6 +33,7 @@ from components import (
     VoltageSource,
     World,
 )
+from components.signals import Constant, Integrator
 from tests.exported import INPUT, OUTPUT, STATE, SUCCESS, Library, compile_quickly
 from tests.test_nonlinear_networks import Drawn
 
@@ -131,6 +132,16 @@ def charged(v: float, source: float, time: float) -> float:
 
 
 JUMPS, VOLTS = [0.0, 0.004, 0.008, 0.012], [3.0, -40.0, 8.0, 0.0]
+
+
+@pytest.mark.parametrize("method", ["radau", "cvodes", "idas", "rosenbrock"])
+def test_every_method_follows_an_input_that_jumps(method: str) -> None:
+    scene, model = clipper(ac.Input("V"))
+    course = ac.samples(JUMPS, VOLTS, "constant")
+    run, v = model.simulate(0.016, inputs={scene.volt: course}, rtol=1e-9, method=method, samples=2), 0.0
+    for source in VOLTS:
+        v = charged(v, source, 0.004)
+    assert [run[scene.store.v][-1], run[scene.diode.v][-1]] == pytest.approx([v, node(v, VOLTS[-1])], abs=2e-6)
 
 
 @pytest.mark.parametrize("size", SIZES)
@@ -315,16 +326,24 @@ def test_a_motor_behind_a_diode_drives_a_loop(rods: tuple[Any, ...], size: float
     assert np.abs(i - 1e-9 * np.expm1(v / 0.05)).max() < 1e-12 and np.abs(2 * i + v + w - run[scene.volt]).max() < 1e-11
 
 
-def test_what_does_not_follow_inputs_yet_says_so() -> None:
-    scene, model = clipper(ac.Input("V"))
-    with pytest.raises(
-        ParameterError, match=r"volt\) is needed, since its input stands in nonlinear equations.* function of its rate"
-    ):
-        model.simulate(1.0, inputs={scene.volt: math.sin})
-    with pytest.raises(OptionError, match=r"minimal: .* nonlinear equations in which inputs stand, volt"):
-        model.minimal()
-    with pytest.raises(OptionError, match=r"the input volt stands in nonlinear equations.*Integrator"):
-        ac.OptimalControl(model, 1.0)
+def test_an_optimum_finds_the_rate_of_such_an_input() -> None:
+    """As its message says."""
+    source: Any = ac.System()
+    source.rate = ac.Input("V/s")
+    source.of, source.volt = Constant(source.rate), Integrator()
+    source.connect(source.of.output, source.volt.input)
+    scene, model = clipper(source.volt.output.value, more=(source,))
+    problem = ac.OptimalControl(model, 0.01)
+    problem.start({scene.store.v: 0.0, source.volt.x: 0.0})
+    problem.end({scene.store.v: 0.1})
+    problem.minimise(ac.integral(1e-4 * source.rate**2))
+    problem.guess(model.simulate(0.01, inputs={source.rate: 20.0}))
+    best = problem.solve(12)
+    assert best.replay_error < 1e-8 and best.run[scene.store.v][-1] == pytest.approx(0.1, abs=1e-8)
+
+
+def test_reactions_have_no_rates() -> None:
+    """Of ideal diodes in the same loop."""
     valve: Any = ac.System()
     valve.ground, valve.source, valve.wire, valve.one_way, valve.diode = (
         Ground(),

@@ -14,6 +14,8 @@ from acausal.integrators.base import AbstractIntegrator
 from acausal.numerics.staged import plain
 
 _GRID = 100
+_CORRECTIONS, _CORRECTED = 1000, 1e-15
+"""Of invariants, at most, and what the last one changes of a state; two suffice but where inputs jump."""
 
 
 @dataclass(frozen=True)
@@ -65,10 +67,23 @@ def _integrate_builtin(
         options["max_step_size"] = min(1.0, accuracy.max_step * _GRID / (t1 - t0))
     step = ca.integrator("step", name, dae, 0.0, 1.0, options) if x.numel() else None  # which asks for a state
 
+    project = problem.project
+    led = project is not None and project.jac_sparsity(0, 2).nnz() > 0
+
+    def projected(time: float, state: np.ndarray, u: np.ndarray) -> np.ndarray:
+        for k in range(_CORRECTIONS if project is not None else 0):
+            assert project is not None
+            before, state = state, np.array(project(time, state, u, problem.parameters)).ravel()
+            if k > 0 and not np.any(np.abs(state - before) > _CORRECTED * np.abs(state)):
+                break
+        return state
+
     def advance(start: float, h: float, state: np.ndarray) -> np.ndarray:
         if step is None:
             return state
         held = problem.inputs(np.array([start + h / 2]))[:, 0]
+        if led:  # what follows inputs at once jumps to where they are held
+            state = projected(start, state, held)
         return np.array(step(x0=state, p=np.concatenate([[start, h], held, problem.parameters]))["xf"]).ravel()
 
     times = np.linspace(t0, t1, _GRID + 1)
@@ -93,11 +108,7 @@ def _integrate_builtin(
                 int(np.flatnonzero(~np.isfinite(new))[0]),
             )
             break
-        if problem.project is not None:
-            for _ in range(2):
-                new = np.array(
-                    problem.project(times[k + 1], new, problem.inputs(times[[k + 1]])[:, 0], problem.parameters)
-                ).ravel()
+        new = projected(times[k + 1], new, problem.inputs(times[[k + 1]])[:, 0])
         states.append(new)
         try:
             if progress is not None:

@@ -22,7 +22,7 @@ _TITLES = (
     "particle on a ball joint", "rack connected at one end", "part replaced after it was connected", "axis wrong by one degree",
     "wheel larger than its axle is high", "rod that locks", "loop without mass", "thin rod on a ball joint",
     "disk connected the wrong way round", "mass as a stiffness", "root that CasADi searches", "two different racks between the same joints",
-    "two sources on one joint", "angle from samples that bend", "angle from a function of numbers", "math.sin in a function of time", "== in place of equal", "variable made in __init__",
+    "two sources on one joint", "angle from samples that bend", "angle from a function of numbers", "voltage at a diode from a function of numbers", "optimal voltage at a diode", "math.sin in a function of time", "== in place of equal", "variable made in __init__",
     "closure that forgets the time", "force with a wrong potential", "force that follows the rate of a measured torque", "equations that contradict", "vectors of different lengths", "variable as a truth", "start as a list",
     "starts of a geared pair that contradict", "crank where the loop cannot follow", "crank driven where the loop cannot follow",
     "wheel that lies flat", "negative mass", "input as an array", "variable by a wrong name", "too few states in linearize",

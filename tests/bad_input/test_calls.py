@@ -14,14 +14,18 @@ import acausal as ac
 from acausal import errors
 from components import (
     AngleSource,
+    Diode,
     Gear,
+    Ground,
     Inertia,
     PrescribedMotion,
+    Resistor,
     Revolute,
     RigidBody,
     RollingDisk,
     Spring,
     TorqueSource,
+    VoltageSource,
     World,
 )  # fmt: skip
 from tests.bad_input.messages import Wrong, double, four_bar, pendulum_with
@@ -49,6 +53,21 @@ def driven(torque: Any) -> Callable[[], object]:
         return ac.build(pendulum_with(motor)).simulate(1.0, inputs={motor.torque: torque})
 
     return call
+
+
+def rectified(call: Callable[[Any, ac.Model], object]) -> Callable[[], object]:
+    """The call with a diode behind a resistor at a voltage that is an input, and its model."""
+
+    def called() -> object:
+        scene: Any = ac.System()
+        scene.volt = ac.Input("V")
+        scene.ground, scene.source, scene.wire, scene.diode = Ground(), VoltageSource(scene.volt), Resistor(100.0), Diode()
+        scene.connect(scene.source.pin_a, scene.wire.pin_a)
+        scene.connect(scene.wire.pin_b, scene.diode.pin_a)
+        scene.connect(scene.diode.pin_b, scene.source.pin_b, scene.ground.pin)
+        return call(scene, ac.build(scene))
+
+    return called
 
 
 class Adjustable(Pendulum):
@@ -217,6 +236,9 @@ def free_fall() -> object:
 OPTION, START, UNKNOWN = errors.OptionError, errors.StartValueError, errors.UnknownVariableError
 
 CASES = [
+    Wrong("voltage at a diode from a function of numbers", rectified(lambda s, m: m.simulate(1.0, inputs={s.volt: float})), errors.ParameterError, ("der(volt)", "stands in nonlinear equations", "(function, function of its rate)")),
+    Wrong("minimal with an input at a diode", rectified(lambda s, m: m.minimal()), OPTION, ("inputs stand, volt", "Use the model itself")),
+    Wrong("optimal voltage at a diode", rectified(lambda s, m: ac.OptimalControl(m, 1.0)), OPTION, ("input volt stands in nonlinear equations", "signals.Integrator")),
     Wrong("end as text", simulated(end="long"), OPTION, ("end [s]", "'long'")),
     Wrong("no end", simulated(end=None), OPTION, ("end [s]", "None")),
     Wrong("interval in place of an end", simulated(end=(0, 10)), OPTION, ("(0, 10)",)),
