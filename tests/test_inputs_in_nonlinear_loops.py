@@ -211,14 +211,22 @@ def test_derivatives_go_through_jumps(kind: str) -> None:
 
 
 def test_derivatives_follow_what_jumps_with_a_switch() -> None:
-    """As with an input that jumps."""
-    found = []
-    for volt in (ca.if_else(ac.time.sx >= 0.01, -3.5, 5.0), ac.Input("V")):
-        scene, model = clipper(volt)
+    """As with an input that jumps; and by when it does: the capacitor's by how much its rate jumps."""
+    when, times = ac.Parameter(0.01), [0.0, 0.0101, 0.02]
+    found: list[np.ndarray] = []
+    for volt in (ca.if_else(ac.time.sx >= when.sx, -3.5, 5.0), ac.Input("V")):
+        scene, model = clipper(volt, more=(when,))
         inputs = {volt: ac.samples([0, 0.01], [5.0, -3.5], "constant")} if isinstance(volt, ac.Input) else {}
-        run = model.sensitivities([0.005, 0.0101, 0.02], [scene.store.v], {scene.store.v: 0.5}, inputs=inputs, rtol=1e-10)
+        run = model.sensitivities(
+            times, [scene.store.v, *([] if inputs else [when])], {scene.store.v: 0.5}, inputs=inputs, rtol=1e-10
+        )
         found.append(np.array([run[scene.store.v], run[scene.diode.v]]))
-    assert np.abs(found[0] - found[1]).max() < 1e-12
+        if not inputs:
+            v = charged(0.5, 5.0, 0.01)
+            rate = (node(v, 5.0) - node(v, -3.5)) / 0.02
+            later = [charged(v + rate * 1e-4 * sign, -3.5, 0.01) for sign in (-1, 1)]
+            assert run[scene.store.v][-1, 1] == pytest.approx((later[1] - later[0]) / 2e-4, rel=1e-5)
+    assert np.abs(found[0][:, :, 0] - found[1][:, :, 0]).max() < 1e-12
 
 
 @pytest.mark.parametrize("kind", ["constant", "cubic"])

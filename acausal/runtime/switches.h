@@ -295,11 +295,11 @@ static void correction_at(Integrator *I, double t, const double *x, double *by, 
     for (long j = 0; j < I->ng; j++) *left = fabs(out[I->nx + j][0]) < INFINITY ? fmax(*left, fabs(out[I->nx + j][0])) : INFINITY;
 }
 
-/* How much later [s], `latest` at most, the kernel of the projection sees on which sides switches are, and the state x there, along `rates`; 0 where these are NULL. Negative where
-   that is not found, infinite when the input function failed. */
+/* How much later [s], `latest` at most, the kernel of the projection sees on which sides switches are, and the state x there, along `rates`; 0 where these are NULL. Earlier, where
+   `latest` is negative. No number where that is not found, infinite when the input function failed. */
 static double seen_later(Integrator *I, double latest, const double *rates, double *x) {
     struct State *T = I->state;
-    double later = rates ? BARELY * EPS * fmax(fabs(I->t), latest) : 0;
+    double later = rates ? copysign(BARELY * EPS * fmax(fabs(I->t), fabs(latest)), latest) : 0;
     memcpy(x, I->x, sizeof(double) * (size_t)I->nx);
     for (; rates; later *= 4) {
         int same = 1;
@@ -307,7 +307,7 @@ static double seen_later(Integrator *I, double latest, const double *rates, doub
         if (!true_sides(I, I->t + later, x)) return INFINITY;
         for (long k = I->masks; k < I->held; k++) same &= T->sides_out[k - I->masks][0] == T->side[k];
         if (same) break;
-        if (later > latest) return -1;
+        if (fabs(later) > fabs(latest)) return NAN;
     }
     return later;
 }
@@ -367,11 +367,11 @@ static int led_along(Integrator *I, double t, double *x) {
 }
 
 /* Where sides have gone over, or inputs have jumped, what nonlinear equations give by other states jumps with them. `rates`: of the states, on the new side,
-   which is seen `latest` later at most; NULL where it is seen already. Where that is not found they stay. 0 when the input function failed. */
+   which is seen `latest` later at most, or earlier; NULL where it is seen already. Where that is not found they stay. 0 when the input function failed. */
 static int jump_along(Integrator *I, double latest, const double *rates) {
     struct State *T = I->state;
     double *x = T->before, later = seen_later(I, latest, rates, x);
-    if (!(later >= 0 && later < INFINITY)) return later < 0;
+    if (!isfinite(later)) return isnan(later);
     if (!give_to_projection(I, I->t + later, T->side)) return 0;
     int found = corrected_in_parts(I, I->t + later, x);
     if (!found && I->led && !rates) {
@@ -392,8 +392,8 @@ static int jump_along(Integrator *I, double latest, const double *rates) {
 static int directions_jump(Integrator *I, double latest, const double *rates) {
     struct State *T = I->state;
     double later = seen_later(I, latest, rates, T->before);
-    for (long b = 0; b < direction_blocks(I) && later >= 0 && later < INFINITY; b++) project_block(I, I->t + later, T->before, b, T->D + b * I->nx);
-    return later < INFINITY;
+    for (long b = 0; b < direction_blocks(I) && isfinite(later); b++) project_block(I, I->t + later, T->before, b, T->D + b * I->nx);
+    return isfinite(later) || isnan(later);
 }
 
 /* The switch of a row goes over, here and now. Not REACHED_END where the motion slides along it. */
@@ -412,6 +412,10 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     }
     double *remembered = &T->step_by_side[2 * k], *before = T->most, *after = T->aside, jump = 0, last = T->last_h;
     if (!rate_at(I, I->t, I->x, before)) return INPUT_FAILED;
+    if (I->ng && !present(&I->clearance)) { /* corrected at the end of the step, where the kernel may have seen the other side */
+        if (!jump_along(I, -0.1 * BACK * L->planned, before)) return INPUT_FAILED;
+        if (!rate_at(I, I->t, I->x, before)) return INPUT_FAILED;
+    }
     double old = T->side[k], new;
     remembered[old > 0] = L->planned;
     int crossed = T->crossed;
