@@ -30,7 +30,7 @@ def _jump(f: Functions) -> ca.Function | None:
     s, space = f.outputs.system, f.space
     if not s.led or f.projection is None:
         return None
-    places = [space.places.index(s.scalar_places[k]) for k in sorted(s.scalar.followers)]
+    places = list(f.integrand.followers)
     z = space.x[places]
     y, size = ca.SX.sym("y", len(places)), ca.SX.sym("size", len(places))
     rows = ca.substitute(space.put(s.scalar.residuals), z, size * y)

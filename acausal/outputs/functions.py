@@ -370,8 +370,13 @@ class Functions:
             held += (self.invariants,)
         return Integrand(
             rates, self.invariants, self.projection, self.clearance, self.exact, self.space.nq, switching(rates, *held), modes,
-            self._standing,
+            self._standing, self._followers,
         )  # fmt: skip
+
+    @property
+    def _followers(self) -> tuple[int, ...]:
+        s = self.outputs.system
+        return () if self.space.coordinates is not None else tuple(self.space.places.index(s.scalar_places[k]) for k in sorted(s.scalar.followers))
 
     @functools.cached_property
     def staged_dynamics(self) -> Function:

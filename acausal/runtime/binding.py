@@ -146,6 +146,8 @@ class Integrator(ctypes.Structure):
         ("row_plus", _Double),
         *((name, ctypes.c_long) for name in ("masks", "mode_rows", "one_sided", "lines", "planes", "patches", "magnitudes", "redundant", "valves", "discretes", "set_count")),
         *((name, _Long) for name in ("set_direction", "set_first", "set_target")),
+        ("followers", ctypes.c_long),
+        ("follower", _Long),
         ("discrete_start", ctypes.c_void_p),
         ("usual", ctypes.c_void_p),
         ("method_list", ctypes.POINTER(Method)),

@@ -36,6 +36,9 @@ class Integrand:
     standing: np.ndarray | None = None
     """(nx,): what `Exact` says is usual, below 0 for states that loops do not hold for good; None where they hold none."""
 
+    followers: tuple[int, ...] = ()
+    """Numbers of the states that nonlinear equations give by the others."""
+
     @property
     def rates(self) -> Function:
         """(t, x, u, p) -> x', switches held."""
@@ -120,7 +123,7 @@ class Integrand:
         return {
             "nx": nx, "nu": nu, "np": np,
             "ng": self.invariants_and_projection[0].size1_out(0) if self.invariants_and_projection is not None else 0,
-            "led": int(self.led), "copies": len(self.copies[0]), "positions": self.positions,
+            "led": int(self.led), "followers": len(self.followers), "copies": len(self.copies[0]), "positions": self.positions,
             "operations": operations_of(self.function),
             "promised": int(self.unheld_exact is not None),
             "through": 0 if self.unheld_exact is None else self.unheld_exact.through.value,
@@ -149,9 +152,10 @@ class Integrand:
 
     @property
     def lists(self) -> dict[str, tuple[int, ...]]:
-        """Of `Integrator` in runtime.h: what is set."""
+        """Of `Integrator` in runtime.h: what follows others at once, and what is set."""
         found = None if self.modes is None else self.modes.set
-        return {} if found is None else {"set_direction": found.directions, "set_first": found.first, "set_target": found.targets}
+        own = {"follower": self.followers} if self.followers else {}
+        return own if found is None else {**own, "set_direction": found.directions, "set_first": found.first, "set_target": found.targets}
 
     @functools.cached_property
     def rows(self) -> Function:

@@ -133,6 +133,7 @@ static void along_branch(Integrator *I, const V *in, const V *K, V *out) {
     run_kernel(&I->projection, T->projection_in, T->projection_c, T->projection_out, T->work);
     for (long i = 0; i < m; i++) out[i] = v_all(0.0);
     memcpy(out + m, T->projection_out + m, sizeof(V) * (size_t)(I->nx - m));
+    for (long k = 0; k < I->followers; k++) out[I->follower[k]] = T->projection_in[1 + I->follower[k]]; /* rates of these are no values of theirs */
 }
 
 /* The nodes: states of one lane moved by tau times `places`, in positions along their rates K, time too. */

@@ -122,6 +122,8 @@ typedef struct Integrator {
        from set_first[k] to set_first[k + 1]: states, or nx + discrete values */
     long masks, mode_rows, one_sided, lines, planes, patches, magnitudes, redundant, valves, discretes, set_count;
     const long *set_direction, *set_first, *set_target;
+    long followers;            /* states that nonlinear equations give by the others: */
+    const long *follower;
     const double *discrete_start; /* discrete values at the start; null, or no number: as the kernel says */
     const double *usual; /* 1 / how much a position or velocity of loops is, beside others; 0 for other states; without exact kernels below 0 where loops do not hold it for good */
     const Method *method_list;

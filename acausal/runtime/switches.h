@@ -295,6 +295,9 @@ static void correction_at(Integrator *I, double t, const double *x, double *by, 
     for (long j = 0; j < I->ng; j++) *left = fabs(out[I->nx + j][0]) < INFINITY ? fmax(*left, fabs(out[I->nx + j][0])) : INFINITY;
 }
 
+/* Whether states may jump where sides go over or inputs jump. */
+static int may_jump(const Integrator *I) { return I->ng && (!present(&I->clearance) || I->followers); }
+
 /* How much later [s], `latest` at most, the kernel of the projection sees on which sides switches are, and the state x there, along `rates`; 0 where these are NULL. Earlier, where
    `latest` is negative. No number where that is not found, infinite when the input function failed. */
 static double seen_later(Integrator *I, double latest, const double *rates, double *x) {
@@ -412,7 +415,7 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     }
     double *remembered = &T->step_by_side[2 * k], *before = T->most, *after = T->aside, jump = 0, last = T->last_h;
     if (!rate_at(I, I->t, I->x, before)) return INPUT_FAILED;
-    if (I->ng && !present(&I->clearance)) { /* corrected at the end of the step, where the kernel may have seen the other side */
+    if (may_jump(I)) { /* corrected at the end of the step, where the kernel may have seen the other side */
         if (!jump_along(I, -0.1 * BACK * L->planned, before)) return INPUT_FAILED;
         if (!rate_at(I, I->t, I->x, before)) return INPUT_FAILED;
     }
@@ -425,7 +428,7 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     new = T->side[k];
     for (long r = 0; r < I->row_count; r++) T->far[r] &= I->row_switch[r] != k;
     if (!rate_at(I, I->t, I->x, after)) return INPUT_FAILED;
-    if (I->ng && !present(&I->clearance)) {
+    if (may_jump(I)) {
         if (!jump_along(I, 0.1 * BACK * L->planned, after)) return INPUT_FAILED;
         if (!rate_at(I, I->t, I->x, after)) return INPUT_FAILED;
     }
@@ -433,7 +436,7 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     T->side[k] = old; /* rows are those that are held until now */
     if (I->directions && !jump_directions(I, L->row, 0.1 * BACK * L->planned, before, after)) return INPUT_FAILED;
     T->side[k] = new;
-    if (I->directions && I->ng && !present(&I->clearance) && !directions_jump(I, 0.1 * BACK * L->planned, after)) return INPUT_FAILED;
+    if (I->directions && may_jump(I) && !directions_jump(I, 0.1 * BACK * L->planned, after)) return INPUT_FAILED;
     I->h = remembered[new > 0] > 0 ? remembered[new > 0] : L->planned;
     forget_rates(I);
     if (jump <= 1) T->last_h = last; /* they only bend */
