@@ -16,7 +16,7 @@ from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 import acausal as ac
-from acausal.errors import OptionError, OverdeterminedError
+from acausal.errors import OptionError
 from acausal.language.connector import Translational
 from acausal.runtime.kernels import How
 from acausal.runtime.native import native_problem
@@ -26,7 +26,6 @@ from components import (
     Diode,
     ForceSource,
     Ground,
-    IdealDiode,
     Resistor,
     Revolute,
     RigidBody,
@@ -357,21 +356,3 @@ def test_an_optimum_finds_the_rate_of_such_an_input() -> None:
     problem.guess(model.simulate(0.01, inputs={source.rate: 20.0}))
     best = problem.solve(12)
     assert best.replay_error < 1e-8 and best.run[scene.store.v][-1] == pytest.approx(0.1, abs=1e-8)
-
-
-def test_reactions_have_no_rates() -> None:
-    """Of ideal diodes in the same loop."""
-    valve: Any = ac.System()
-    valve.ground, valve.source, valve.wire, valve.one_way, valve.diode = (
-        Ground(),
-        VoltageSource(5.0),
-        Resistor(1.0),
-        IdealDiode(),
-        Diode(1e-9, 0.05),
-    )
-    chain = [valve.source.pin_a, valve.wire.pin_a, valve.wire.pin_b, valve.one_way.pin_a, valve.one_way.pin_b, valve.diode.pin_a]
-    for a, b in zip(chain[::2], chain[1::2], strict=True):
-        valve.connect(a, b)
-    valve.connect(valve.diode.pin_b, valve.source.pin_b, valve.ground.pin)
-    with pytest.raises(OverdeterminedError, match="is not known"):
-        ac.build(valve)

@@ -30,6 +30,7 @@ from components import (
     Gain,
     Gear,
     Ground,
+    IdealDiode,
     Inductor,
     Inertia,
     Integrator,
@@ -718,11 +719,8 @@ def loose_parameter() -> ac.System:
     return of_component(Hidden())
 
 
-def diode_on_an_input() -> ac.System:
-    volts = ac.Input("V")
-    scene = series(VoltageSource(volts), load=Resistor(1.0), diode=Diode())
-    scene.volts = volts
-    return scene
+def valve_before_a_diode() -> ac.System:
+    return series(VoltageSource(5.0), load=Resistor(1.0), valve=IdealDiode(), diode=Diode())
 
 
 def jerk_of_a_joint() -> ac.System:
@@ -771,7 +769,7 @@ MESSAGES: list[tuple[str, Callable[[], ac.System], type[Exception], tuple[str, .
     ("laws that repeat", lambda: of_component(Repeated()), errors.UnderdeterminedError, ("depend on one another", "equation 3 of thing", "thing.x [m]")),
     ("a variable of another scene", of_another_scene, errors.UnknownVariableError, ("'w' [rad/s]", "scene.name = ")),
     ("a parameter that nobody keeps", loose_parameter, errors.UnknownVariableError, ("Parameter", "attribute")),
-    ("an input in a nonlinear loop", diode_on_an_input, errors.OverdeterminedError, ("'volts'", "differentiated", "capacitor")),
+    ("an ideal diode in a nonlinear loop", valve_before_a_diode, errors.OverdeterminedError, ("'valve.passing'", "differentiated", "capacitor")),
     ("jerk of a joint", jerk_of_a_joint, errors.OverdeterminedError, ("jerk.j", "differentiated", "hinge")),
     ("two sources on a joint", two_cranks, errors.OverdeterminedError, ("1 equation is too many", "of two", "hinge.flange.phi [rad]", "one.flange.tau [N*m]")),
     ("a gear in a four-bar", gear_in_a_four_bar, errors.LockedError, ("gear.flange_b", "3 freedoms", "2 constraints of loops")),
