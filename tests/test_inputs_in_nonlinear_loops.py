@@ -303,12 +303,10 @@ def test_what_drag_alone_holds_moves_as_its_force_says(size: float) -> None:
     assert run[ac.der(scene.drag.flange.s)][:-1] / size == pytest.approx(np.repeat(speeds, 2), rel=1e-10)
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("flat", [False, True])
-def test_a_motor_behind_a_diode_drives_a_loop(flat: bool, size: float) -> None:
-    """Also a parallelogram through positions in which it lies flat: energies balance through each jump of the voltage, and the loop of voltages is closed."""
+def driven_loop(volt: Any, size: float, flat: bool) -> tuple[Any, ac.Model]:
+    """Of three bars, whose first hinge a motor behind a diode turns."""
     scene: Any = ac.System()
-    scene.volt = ac.Input("V")
+    scene.volt = volt
     rods = ((0.5, 0, 0.5), (1.0, 0, 0), (-0.5, 0, -0.5)) if flat else ((0.3, 0, 0), (0.8, 0, 0.9), (0.1, 0, -0.9))
     ends = [size * np.array(end) for end in rods]
     at = [np.zeros(3), *np.cumsum(ends, axis=0)]
@@ -322,8 +320,16 @@ def test_a_motor_behind_a_diode_drives_a_loop(flat: bool, size: float) -> None:
     scene.connect(scene.source.pin_a, scene.diode.pin_a)
     scene.connect(scene.diode.pin_b, scene.motor.pin_a)
     scene.connect(scene.motor.pin_b, scene.source.pin_b, scene.ground.pin)
+    return scene, ac.build(scene)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("flat", [False, True])
+def test_a_motor_behind_a_diode_drives_a_loop(flat: bool, size: float) -> None:
+    """Also a parallelogram through positions in which it lies flat: energies balance through each jump of the voltage, and the loop of voltages is closed."""
+    scene, model = driven_loop(ac.Input("V"), size, flat)
     jumps, volts = [0.0, 0.5, 1.0], [20.0, -20.0, 30.0]
-    run = ac.build(scene).simulate(1.3, inputs={scene.volt: ac.samples(jumps, volts, "constant")}, rtol=1e-10, samples=27)
+    run = model.simulate(1.3, inputs={scene.volt: ac.samples(jumps, volts, "constant")}, rtol=1e-10, samples=27)
     i, v, w = run[scene.diode.pin_a.i], run[scene.diode.v], run[scene.hinges[0].v]
     assert np.ptp(run[scene.hinges[0].q]) > 6 and run.energy_error() < 1e-9
     assert np.abs(i - 1e-9 * np.expm1(v / 0.05)).max() < 1e-11 and np.abs(2 * i + v + w - run[scene.volt]).max() < 1e-11
@@ -340,6 +346,19 @@ def test_a_motor_behind_a_diode_drives_a_loop(flat: bool, size: float) -> None:
                 (begin, end), x, "Radau", rtol=1e-10, atol=1e-12,
             ).y[:, -1]  # fmt: skip
         assert [run[scene.hinges[0].q][-1], w[-1]] == pytest.approx(x, abs=1e-8)
+
+
+@pytest.mark.parametrize("flat", [False, True])
+def test_a_switch_and_an_input_jump_alike(flat: bool) -> None:
+    """Upwards by 50 V, where exponentials of what has not jumped yet are huge."""
+    switch = ca.if_else(ac.time.sx >= 1.0, 30.0, ca.if_else(ac.time.sx >= 0.5, -20.0, 20.0))
+    ends: list[np.ndarray] = []
+    for volt in (switch, ac.Input("V")):
+        scene, model = driven_loop(volt, 1.0, flat)
+        inputs = {volt: ac.samples([0.0, 0.5, 1.0], [20.0, -20.0, 30.0], "constant")} if isinstance(volt, ac.Input) else {}
+        run = model.simulate(1.3, inputs=inputs, rtol=1e-10)
+        ends.append(np.array([run[scene.hinges[0].q][-1], run[scene.hinges[0].v][-1], run[scene.diode.v][-1]]))
+    assert ends[0] == pytest.approx(ends[1], abs=1e-8)
 
 
 def test_an_optimum_finds_the_rate_of_such_an_input() -> None:

@@ -298,6 +298,14 @@ static void correction_at(Integrator *I, double t, const double *x, double *by, 
 /* Whether states may jump where sides go over or inputs jump. */
 static int may_jump(const Integrator *I) { return I->ng && (!present(&I->clearance) || I->followers); }
 
+#define SUDDEN 1e-3 /* of a state: rates that move it more in no time are those of what has not jumped yet */
+
+/* How far a state goes so much later. */
+static double ahead(const Integrator *I, long i, double later, const double *rates) {
+    double step = later * rates[i];
+    return fabs(step) <= SUDDEN * fmax(I->state->size[i], fabs(I->x[i])) ? step : 0;
+}
+
 /* How much later [s], `latest` at most, the kernel of the projection sees on which sides switches are, and the state x there, along `rates`; 0 where these are NULL. Earlier, where
    `latest` is negative. No number where that is not found, infinite when the input function failed. */
 static double seen_later(Integrator *I, double latest, const double *rates, double *x) {
@@ -306,7 +314,7 @@ static double seen_later(Integrator *I, double latest, const double *rates, doub
     memcpy(x, I->x, sizeof(double) * (size_t)I->nx);
     for (; rates; later *= 4) {
         int same = 1;
-        for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + later * rates[i];
+        for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + ahead(I, i, later, rates);
         if (!true_sides(I, I->t + later, x)) return INFINITY;
         for (long k = I->masks; k < I->held; k++) same &= T->sides_out[k - I->masks][0] == T->side[k];
         if (same) break;
@@ -383,7 +391,7 @@ static int jump_along(Integrator *I, double latest, const double *rates) {
     }
     if (found != 1) return 1;
     for (long i = 0; i < I->nx; i++) {
-        I->x[i] = rates ? x[i] - later * rates[i] : x[i];
+        I->x[i] = rates ? x[i] - ahead(I, i, later, rates) : x[i];
         T->size[i] = fmax(T->size[i], fabs(I->x[i]));
     }
     memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
