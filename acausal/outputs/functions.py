@@ -376,7 +376,11 @@ class Functions:
     @property
     def _followers(self) -> tuple[int, ...]:
         s = self.outputs.system
-        return () if self.space.coordinates is not None else tuple(self.space.places.index(s.scalar_places[k]) for k in sorted(s.scalar.followers))
+        return (
+            ()
+            if self.space.coordinates is not None
+            else tuple(self.space.places.index(s.scalar_places[k]) for k in sorted(s.scalar.followers))
+        )
 
     @functools.cached_property
     def staged_dynamics(self) -> Function:

@@ -155,7 +155,11 @@ class Integrand:
         """Of `Integrator` in runtime.h: what follows others at once, and what is set."""
         found = None if self.modes is None else self.modes.set
         own = {"follower": self.followers} if self.followers else {}
-        return own if found is None else {**own, "set_direction": found.directions, "set_first": found.first, "set_target": found.targets}
+        return (
+            own
+            if found is None
+            else {**own, "set_direction": found.directions, "set_first": found.first, "set_target": found.targets}
+        )
 
     @functools.cached_property
     def rows(self) -> Function:

@@ -298,12 +298,12 @@ static void correction_at(Integrator *I, double t, const double *x, double *by, 
 /* Whether states may jump where sides go over or inputs jump. */
 static int may_jump(const Integrator *I) { return I->ng && (!present(&I->clearance) || I->followers); }
 
-#define SUDDEN 1e-3 /* of a state: rates that move it more in no time are those of what has not jumped yet */
+#define LEAPS 1e-3 /* of a state: rates that move it more in no time are those of what has not jumped yet */
 
 /* How far a state goes so much later. */
 static double ahead(const Integrator *I, long i, double later, const double *rates) {
     double step = later * rates[i];
-    return fabs(step) <= SUDDEN * fmax(I->state->size[i], fabs(I->x[i])) ? step : 0;
+    return fabs(step) <= LEAPS * fmax(I->state->size[i], fabs(I->x[i])) ? step : 0;
 }
 
 /* How much later [s], `latest` at most, the kernel of the projection sees on which sides switches are, and the state x there, along `rates`; 0 where these are NULL. Earlier, where
