@@ -379,3 +379,22 @@ def test_what_creeps_next_to_a_singular_position_is_ended_in_words(length: float
     with pytest.raises(SimulationError, match="comes to a singular position of loops") as told:
         ac.build(scene).simulate(10.0, {low.v[0]: 1e-9 for low in scene.low} | {scene.hinge.v: 0.0})
     assert told.value.trajectory.statistics.steps < 400
+
+
+@pytest.mark.parametrize(("length", "rate"), [(1e-3, 1.0), (1.0, -0.5), (1e3, 2.0)])
+def test_a_parallelogram_whose_coupler_spins_between_balls_begins_flat(length: float, rate: float):
+    """The spin is free and stays so; two other motions cross, which no force holds to second order: the cranks swing as one pendulum, and the coupler spins on."""
+    scene = ac.System()
+    scene.world = World((0, 0, -G * length))
+    left, right = (RigidBody.rod(1.0, (length, 0, 0), position=(x, 0, 0)) for x in (0.0, 2 * length))
+    scene.left, scene.right = left, right
+    scene.coupler = RigidBody(1.0, length**2 * np.diag([0.01, 0.4, 0.4]), (length, 0, 0), position=(length, 0, 0))
+    scene.crank = Revolute.between(scene.world, left, at=(0, 0, 0), axis="y")
+    scene.other = Revolute.between(scene.world, right, at=(2 * length, 0, 0), axis="y")
+    scene.ball = Spherical.between(left, scene.coupler, at=(length, 0, 0))
+    scene.far = Spherical.between(right, scene.coupler, at=(3 * length, 0, 0))
+    start = {scene.crank.v: rate, scene.other.v: rate, scene.ball.v[0]: 3.0}
+    run = ac.build(scene).simulate(0.4, start, rtol=1e-10, samples=5)
+    swing = solve_ivp(lambda _, y: [y[1], 1.2 * G * np.cos(y[0])], (0, 0.4), [0, rate], "DOP853", run.t, rtol=1e-12, atol=1e-12)
+    assert np.max(np.abs(run[scene.crank.q] - swing.y[0])) < 5e-9
+    assert np.max(np.abs(run[scene.coupler.frame.angular_velocity] - [3, 0, 0])) < 1e-7

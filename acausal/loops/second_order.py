@@ -18,6 +18,8 @@ _SQUARE = 1e-6
 """Quadratic forms below this, as parts of the largest, are zero."""
 _NEAR, _CLOSED = 1e-5, 1e-11
 _HALVES = 30
+_STARTS, _FLAT = 8, 1e-9
+"""Random directions from which those are looked for in which all forms vanish, and what is left of forms of size 1 there."""
 
 
 def held_to_second_order(walk: Walk, z: np.ndarray, scale: np.ndarray, around: bool = True) -> bool:
@@ -34,13 +36,15 @@ def held_to_second_order(walk: Walk, z: np.ndarray, scale: np.ndarray, around: b
     stresses, free = U[:, rank:].T, Vt[rank:]
     if not (stresses.size and free.size):
         return False
-    forms = [free @ walk.bent(z, y / scale) @ N @ free.T for y in stresses]
-    _, bends, axes = np.linalg.svd(np.vstack([0.5 * (form + form.T) for form in forms]))
+    forms = np.array([free @ walk.bent(z, y / scale) @ N @ free.T for y in stresses])
+    forms = 0.5 * (forms + forms.transpose(0, 2, 1))
+    _, bends, axes = np.linalg.svd(np.vstack(forms))
     taken = int(np.sum(bends > _SQUARE * max(float(bends[0]), 1.0)))
     if taken == len(free) or not (taken or around):
         return False
-    along = axes[taken:] @ free
-    rng = np.random.default_rng(4)
+    rng, along, bent = np.random.default_rng(4), axes[taken:] @ free, axes[:taken] @ forms @ axes[:taken].T
+    if taken and _cross(bent, rng):
+        return False
     for _ in range(_TRIALS):
         ahead = rng.normal(size=len(along)) @ along
         ahead /= np.max(np.abs(ahead))
@@ -54,6 +58,21 @@ def held_to_second_order(walk: Walk, z: np.ndarray, scale: np.ndarray, around: b
             if not taken and not held_to_second_order(walk, there, scale, around=False):
                 return False
     return True
+
+
+def _cross(forms: np.ndarray, rng: np.random.Generator) -> bool:
+    """Whether quadratic forms (k, n, n), not all zero, vanish together in some direction, as branches that cross have: Newton's method from some."""
+    _, sizes, span = np.linalg.svd(forms.reshape(len(forms), -1), full_matrices=False)
+    forms = span[sizes > _SQUARE * sizes[0]].reshape(-1, *forms.shape[1:])
+    for _ in range(_STARTS):
+        v = rng.normal(size=forms.shape[1])
+        for _step in range(_HALVES):
+            v /= np.linalg.norm(v)
+            slopes = forms @ v
+            if np.linalg.norm(slopes @ v) < _FLAT:
+                return True
+            v = v - np.linalg.lstsq(2 * slopes, slopes @ v, rcond=_SQUARE)[0]
+    return False
 
 
 def _settled(walk: Walk, z: np.ndarray, rank: int) -> np.ndarray | None:
