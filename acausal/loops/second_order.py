@@ -38,7 +38,7 @@ def held_to_second_order(walk: Walk, z: np.ndarray, scale: np.ndarray, around: b
         return False
     forms = np.array([free @ walk.bent(z, y / scale) @ N @ free.T for y in stresses])
     forms = 0.5 * (forms + forms.transpose(0, 2, 1))
-    _, bends, axes = np.linalg.svd(np.vstack(forms))
+    _, bends, axes = np.linalg.svd(forms.reshape(-1, len(free)))
     taken = int(np.sum(bends > _SQUARE * max(float(bends[0]), 1.0)))
     if taken == len(free) or not (taken or around):
         return False
