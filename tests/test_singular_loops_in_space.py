@@ -398,3 +398,21 @@ def test_a_parallelogram_whose_coupler_spins_between_balls_begins_flat(length: f
     swing = solve_ivp(lambda _, y: [y[1], 1.2 * G * np.cos(y[0])], (0, 0.4), [0, rate], "DOP853", run.t, rtol=1e-12, atol=1e-12)
     assert np.max(np.abs(run[scene.crank.q] - swing.y[0])) < 5e-9
     assert np.max(np.abs(run[scene.coupler.frame.angular_velocity] - [3, 0, 0])) < 1e-7
+
+
+@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
+def test_what_accelerates_from_rest_on_no_branch_is_told(length: float):
+    """A frame in two crosses that coincide swings about one axis or the other: its weight begins both, from rest, and a turn about either goes on as a pendulum."""
+    scene = ac.System()
+    scene.world = World((0, 0, -G * length))
+    scene.frame = RigidBody(1.0, 0.1 * length**2 * np.eye(3), (0.6 * length, 0.8 * length, 0), position=(0, 0, 0))
+    scene.cross = Universal.between(scene.world, scene.frame, at=(0, 0, 0), axis_a="x", axis_b="y")
+    scene.back = Universal.between(scene.frame, scene.world, at=(0, 0, 0), axis_a="x", axis_b="y")
+    model = ac.build(scene)
+    with pytest.raises(StartValueError, match="accelerates with from rest lies on none of them"):
+        model.simulate(1.0)
+    run = model.simulate(0.5, {scene.cross.v[0]: 2.0, scene.cross.v[1]: 0.0}, rtol=1e-10, samples=5)
+    swing = solve_ivp(
+        lambda _, y: [y[1], -0.8 * G * np.cos(y[0]) / 0.74], (0, 0.5), [0, 2], "DOP853", run.t, rtol=1e-12, atol=1e-12
+    )
+    assert np.max(np.abs(run[scene.cross.q[0]] - swing.y[0])) < 1e-8

@@ -35,6 +35,7 @@ def check_branch(functions: Functions, problem: Problem, t0: float, t1: float, x
             "elsewhere, and what stops it, stops it to second order only, by forces that nothing determines. Leave out what holds nothing that the "
             "others do not hold along this motion, a fourth parallel rod for instance, or start beside it."
         )
+    rests, x = _onward(functions, passage, t0, x)
     _check_freedoms(functions, passage, t0, x)
     found = passage.between(t0, x, t1 - t0)
     if found is None or not np.isfinite(found).all():
@@ -48,8 +49,9 @@ def check_branch(functions: Functions, problem: Problem, t0: float, t1: float, x
             return
         largest = np.argsort(-np.abs(found[n:] - x[n:]), kind="stable")[:_SHOWN]
         told = ", ".join(f"{names[i]} = {x[n + i]:.4g} (near by: {found[n + i]:.4g})" for i in sorted(int(i) for i in largest))
+    what = "what it accelerates with from rest lies" if rests else "the velocities lie"
     raise StartValueError(
-        f"The start is a singular position of the loops closed by {joints}: branches of the motion cross there, and the velocities lie on none "
+        f"The start is a singular position of the loops closed by {joints}: branches of the motion cross there, and {what} on none "
         f"of them: {told}. Give velocities of more joints, such that they are those of one branch, or start a little beside the position."
     )
 
@@ -57,16 +59,10 @@ def check_branch(functions: Functions, problem: Problem, t0: float, t1: float, x
 def _check_freedoms(functions: Functions, passage: Passage, t: float, x: np.ndarray) -> None:
     """Raise `OtherFreedoms` where motions of other freedoms meet in a state x (nx,), and the loops were examined along others than it goes on with.
 
-    That is where its velocities lead to, or its accelerations from rest: as a rod on a Cardan joint one axis of which is the rod itself turns about that,
-    or swings about the other.
+    That is where its velocities lead to: as a rod on a Cardan joint one axis of which is the rod itself turns about that, or swings about the other.
     """
-    system, space, p, n = functions.outputs.system, functions.space, passage.problem.parameters, passage.problem.positions
-    values = p[: system.p_values.size]
-    onward = ca.Function("onward", [system.t, space.x, space.p], [ca.densify(space.put(system.mechanics.tree.rates))])
-    ahead = np.array(onward(t, x, p))[:, 0]
-    if not np.any(ahead):
-        rates = passage.rates(np.array([t]), x[None, :])[0]
-        ahead = np.array(onward(t, np.concatenate([x[:n], rates[n:]]), p))[:, 0]
+    system, space, p = functions.outputs.system, functions.space, passage.problem.parameters
+    values, ahead = p[: system.p_values.size], _rates(functions, t, x, p)
     q = space.expanded(t, x, p)[: system.nq]
     for part in system.constraints.examined:
         places = list(part.group.q_places)
@@ -81,6 +77,21 @@ def _check_freedoms(functions: Functions, passage: Passage, t: float, x: np.ndar
             f"not known how those of {n - rank} go on. Begin a little beside this position, or build the scene there: give bodies a rough position or "
             "joints a start.", t, q, values, near,
         )  # fmt: skip
+
+
+def _onward(functions: Functions, passage: Passage, t: float, x: np.ndarray) -> tuple[bool, np.ndarray]:
+    """Whether nothing moves in a state x (nx,), and x itself, or what has accelerations for velocities there: it leads the way that a motion from rest does."""
+    p, n = passage.problem.parameters, passage.problem.positions
+    if np.any(_rates(functions, t, x, p)):
+        return False, x
+    return True, np.concatenate([x[:n], passage.rates(np.array([t]), x[None, :])[0, n:]])
+
+
+def _rates(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """Those of the tree's coordinates (nq,)."""
+    system, space = functions.outputs.system, functions.space
+    rates = ca.Function("rates", [system.t, space.x, space.p], [ca.densify(space.put(system.mechanics.tree.rates))])
+    return np.array(rates(t, x, p))[:, 0]
 
 
 def _stops(functions: Functions, problem: Problem, t: float, x: np.ndarray) -> bool:
