@@ -22,12 +22,11 @@ def check_branch(functions: Functions, problem: Problem, t0: float, t1: float, x
     """Raise `StartValueError` where the velocities of a start x (nx,) at a singular position belong to no motion that goes on from there.
 
     A little ahead and back along the velocities the loops are closed; the motion through these places has the velocities that are asked
-    for, or others.
+    for, or others. From rest accelerations say where it goes.
     """
     passage = passage_of(problem) if functions.outputs.system.constraints.singular else None
     if passage is None or not t1 > t0 or not passage.is_crossing(t0, x):
         return
-    n, names = problem.positions, functions.state_names[problem.positions :]
     joints = ", ".join(f"'{rows.edge.name}'" for rows in functions.outputs.system.constraints.loops)
     if _stops(functions, problem, t0, x):
         raise StartValueError(
@@ -35,21 +34,13 @@ def check_branch(functions: Functions, problem: Problem, t0: float, t1: float, x
             "elsewhere, and what stops it, stops it to second order only, by forces that nothing determines. Leave out what holds nothing that the "
             "others do not hold along this motion, a fourth parallel rod for instance, or start beside it."
         )
-    rests, x = _onward(functions, passage, t0, x)
-    _check_freedoms(functions, passage, t0, x)
-    found = passage.between(t0, x, t1 - t0)
-    if found is None or not np.isfinite(found).all():
-        if not _tears(functions, problem, t0, x):
-            return
-        largest = np.argsort(-np.abs(x[n:]), kind="stable")[:_SHOWN]
-        told = ", ".join(f"{names[i]} = {x[n + i]:.4g}" for i in sorted(int(i) for i in largest))
-    else:
-        off, here = (_energy(functions, problem, t0, x, v) for v in (found[n:] - x[n:], x[n:]))
-        if off <= _OFF**2 * here:
-            return
-        largest = np.argsort(-np.abs(found[n:] - x[n:]), kind="stable")[:_SHOWN]
-        told = ", ".join(f"{names[i]} = {x[n + i]:.4g} (near by: {found[n + i]:.4g})" for i in sorted(int(i) for i in largest))
-    what = "what it accelerates with from rest lies" if rests else "the velocities lie"
+    begun = _begun(passage, t0, x)
+    rests = _rests(functions, t0, t1, x, begun, problem.parameters)
+    ahead, what = (begun, "what it accelerates with from rest lies") if rests else (x, "the velocities lie")
+    _check_freedoms(functions, passage, t0, ahead)
+    told = _off(functions, passage, t0, t1, ahead)
+    if not told:
+        return
     raise StartValueError(
         f"The start is a singular position of the loops closed by {joints}: branches of the motion cross there, and {what} on none "
         f"of them: {told}. Give velocities of more joints, such that they are those of one branch, or start a little beside the position."
@@ -79,12 +70,33 @@ def _check_freedoms(functions: Functions, passage: Passage, t: float, x: np.ndar
         )  # fmt: skip
 
 
-def _onward(functions: Functions, passage: Passage, t: float, x: np.ndarray) -> tuple[bool, np.ndarray]:
-    """Whether nothing moves in a state x (nx,), and x itself, or what has accelerations for velocities there: it leads the way that a motion from rest does."""
-    p, n = passage.problem.parameters, passage.problem.positions
-    if np.any(_rates(functions, t, x, p)):
-        return False, x
-    return True, np.concatenate([x[:n], passage.rates(np.array([t]), x[None, :])[0, n:]])
+def _off(functions: Functions, passage: Passage, t0: float, t1: float, x: np.ndarray) -> str:
+    """What of the velocities of a state x (nx,) lies on no branch, in words; nothing if all do."""
+    n, names = passage.problem.positions, functions.state_names[passage.problem.positions :]
+    found = passage.between(t0, x, t1 - t0)
+    if found is None or not np.isfinite(found).all():
+        if not _tears(functions, passage.problem, t0, x):
+            return ""
+        largest = np.argsort(-np.abs(x[n:]), kind="stable")[:_SHOWN]
+        return ", ".join(f"{names[i]} = {x[n + i]:.4g}" for i in sorted(int(i) for i in largest))
+    off, here = (_energy(functions, passage.problem, t0, x, v) for v in (found[n:] - x[n:], x[n:]))
+    if off <= _OFF**2 * here:
+        return ""
+    largest = np.argsort(-np.abs(found[n:] - x[n:]), kind="stable")[:_SHOWN]
+    return ", ".join(f"{names[i]} = {x[n + i]:.4g} (near by: {found[n + i]:.4g})" for i in sorted(int(i) for i in largest))
+
+
+def _begun(passage: Passage, t: float, x: np.ndarray) -> np.ndarray:
+    """A state x (nx,) with accelerations in the place of velocities: it leads the way that a motion goes from rest."""
+    n = passage.problem.positions
+    return np.concatenate([x[:n], passage.rates(np.array([t]), x[None, :])[0, n:]])
+
+
+def _rests(functions: Functions, t0: float, t1: float, x: np.ndarray, begun: np.ndarray, p: np.ndarray) -> bool:
+    """Whether loops in a state x (nx,) move by rounding only until t1, or until they have accelerated to as much."""
+    much = functions.outputs.system.constraints.much[0]
+    speed, more = (float(np.max(np.abs(_rates(functions, t0, y, p))[much > 0] / much[much > 0])) for y in (x, begun))
+    return speed * min(t1 - t0, speed / (2 * more) if more > 0 else np.inf) <= np.finfo(float).eps
 
 
 def _rates(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) -> np.ndarray:
