@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import re
 import warnings
-from collections.abc import Iterable
-from typing import final
+from collections.abc import Iterable, Sequence
+from typing import Any, final
 
 import casadi as ca
 import numpy as np
@@ -20,10 +20,13 @@ from acausal.parts.pose import symbolic
 from acausal.simulate import watch
 from acausal.simulate.trajectory import Trajectory
 from components import (
+    CamFollower,
+    Cylindrical,
     Damper,
     Diode,
     Free,
     Ground,
+    Inertia,
     Particle,
     Prismatic,
     Resistor,
@@ -31,12 +34,15 @@ from components import (
     RigidBody,
     RotationalDamper,
     RotationalGround,
+    Screw,
+    Spherical,
     Spring,
     TorqueSource,
+    Universal,
     VoltageSource,
     World,
 )
-from tests.scenes import bennett_linkage
+from tests.scenes import bennett_linkage, rotation
 from tests.test_singular_loops import FourBars
 
 G = 9.81
@@ -376,3 +382,54 @@ def test_runs_that_miss_the_law_of_a_part_say_so_and_no_others() -> None:
             "leaves its constraints" in str(one.message) and "diode" in str(one.message) for one in said
         ), voltage
     assert 0 < sum(wrong.values()) < len(wrong), wrong
+
+
+def drawn_joints(
+    rng: np.random.Generator, size: float, joints: Sequence[tuple[Any, int, int, np.ndarray]], W: np.ndarray
+) -> ac.System:
+    """`joints` between bodies, of which 0 is the world, at places with frames along W (3, 3); bodies lie anyhow, so that what is meant to coincide is rounded."""
+    scene = ac.System()
+    scene.world = World(tuple(9 * size * rng.normal(size=3)))
+    count, frames = max(b for _, *ends, _ in joints for b in ends), [(np.eye(3), np.zeros(3))]
+    frames += [(rotation(int(rng.integers(2**31))), size * rng.normal(size=3)) for _ in range(count)]
+    scene.bodies = [
+        RigidBody.box(1.0, (size, 2 * size, (k + 1) * size), position=tuple(p), rotation=R) for k, (R, p) in enumerate(frames[1:])
+    ]
+    scene.joints = [joint for joint, *_ in joints]
+    for joint, *ends, place in joints:
+        for end, frame in zip(ends, (joint.frame_a, joint.frame_b), strict=True):
+            R, p = frames[end]
+            scene.connect([scene.world, *scene.bodies][end].at(tuple(R.T @ (place - p)), R.T @ W), frame)
+    return scene
+
+
+@pytest.mark.parametrize(("seed", "size"), [(0, 1.0), (1, 1e-3), (2, 1e3)])
+def test_a_rotor_that_a_cam_holds_at_rest_accuses_nobody(seed: int, size: float):
+    """A slide that a ball far away holds is known to rounding of how far, and so is what a flat cam makes of it: a rotor stands by 1e-12 rad elsewhere."""
+    rng = np.random.default_rng(seed)
+    W, place, far = rotation(seed), size * rng.normal(size=3), 3 * size * rng.normal(size=3)
+    shafts = [Cylindrical("z"), Universal("z", "x"), Cylindrical("z")]
+    ends = [(0, 2), (2, 3), (3, 0)]
+    scene = drawn_joints(rng, size, [
+        (Prismatic("x"), 0, 1, place), (Spherical(), 1, 0, far), *((j, a, b, place) for j, (a, b) in zip(shafts, ends, strict=True)),
+    ], W)  # fmt: skip
+    scene.rotor, scene.cam = Inertia(0.1 * size**2), CamFollower(lambda angle: 1e-3 * size * (angle + 0.3 * np.sin(angle)))
+    scene.connect(scene.cam.shaft, scene.rotor.flange_a)
+    scene.connect(scene.cam.follower, scene.joints[0].flange)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error", AccuracyWarning)
+        run = ac.build(scene).simulate(0.4, rtol=1e-10, samples=5)
+    assert np.max(np.abs(run[scene.rotor.phi])) < 1e-10
+    assert run.energy_error() < 1e-12
+
+
+@pytest.mark.parametrize(("seed", "size"), [(3, 1.0), (4, 1e-3), (6, 1e3)])
+def test_bodies_on_joints_that_meet_in_a_point_begin_at_rest(seed: int, size: float):
+    """Their constraints are made of arms that are nothing but rounding, and are known to no more: none is broken by a motion that has just begun."""
+    rng = np.random.default_rng(seed)
+    place = size * rng.normal(size=3)
+    joints = [(Spherical(), 1, 0), (Spherical(), 2, 1), (Revolute("z"), 0, 2), (Universal("z", "x"), 2, 3)]
+    screw = (Screw("z", pitch=0.7 * size), 1, 3)
+    scene = drawn_joints(rng, size, [(*one, place) for one in (*joints, screw)], rotation(seed))
+    run = ac.build(scene).simulate(0.4, rtol=1e-10, samples=5)
+    assert run.energy_error() < 1e-12

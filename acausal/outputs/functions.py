@@ -224,8 +224,18 @@ class Functions:
         first, rows = s.position_invariants.numel(), ca.vertcat(s.position_invariants, s.velocity_invariants)
         known, own = np.zeros((2, rows.numel())), s.constraints.joint_invariants.numel()
         known[0, own : own + places.size], known[1, first : first + rates.size] = places, rates
-        at_rest, moving = known[:, self.space.left(rows)]
+        at_rest, moving = (known + self._brought(rows, known))[:, self.space.left(rows)]
         return np.concatenate([np.zeros(2), at_rest, dropped]), np.concatenate([np.zeros(2), moving, np.zeros(dropped.size)])
+
+    def _brought(self, rows: ca.SX, known: np.ndarray) -> np.ndarray:
+        """What coordinates that follow from some `rows` (n, 1) in closed form bring into others of what these are `known` to, (2, n)."""
+        s, gone = self.outputs.system, ca.vertcat(ca.SX(0, 1), *self.space.elimination.symbols)
+        left, slopes = self.space.left(rows), ca.Function("slopes", [s.t, s.x, s.p], [ca.densify(ca.jacobian(rows, gone))])
+        A = np.abs(np.array(slopes(s.constraints.time, np.concatenate([s.q_start, s.rate_start]), s.p_values)))
+        A = A.reshape(rows.numel(), gone.numel())
+        by = [k for k in range(rows.numel()) if k not in left]
+        each = np.divide(known[:, by, None], A[by], out=np.zeros((2, len(by), gone.numel())), where=A[by] > 0)
+        return np.where(np.isin(np.arange(rows.numel()), left), each.max(axis=1, initial=0.0) @ A.T, 0.0)
 
     @functools.cached_property
     def kept_invariants(self) -> int:

@@ -60,7 +60,7 @@ def least_spectrum(matrices: np.ndarray, enough: float) -> np.ndarray:
 
 def beside_others(functions: Functions, run: Trajectory, met: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Sizes (nx,) of states that were as large as `met`: angles are as large as a radian, and what loops hold as much as it is beside others, so fast as
-    the fastest of it, or as what moves it, or whatever it is the rate of, by rounding in the whole run. And
+    the fastest of it, or as what moves it by rounding in the whole run. And
     sizes (rows,) of what met in constants of what is watched, at that speed.
     """
     turns, rates = turning_states(functions.space.system)
@@ -70,7 +70,5 @@ def beside_others(functions: Functions, run: Trajectory, met: np.ndarray) -> tup
     slowest = np.finfo(float).eps / max(run.steps.t[-1] - run.steps.t[0], np.finfo(float).tiny)
     speed = np.max(met[moving] / much[moving], initial=slowest)
     sizes = np.maximum.reduce([met, turning, np.where(moving, speed, 1.0) * much])
-    moved, rate = (list(column) for column in functions.integrand.copies)
-    sizes[rate] = np.maximum(sizes[rate], slowest * sizes[moved])
     places_known, rates_known = functions.drawn
     return sizes, places_known + speed * rates_known
