@@ -240,12 +240,12 @@ def analyse_constraints(
     tree = system.tree
     symbolic = _symbolic(system, parameters) if known is None else known.symbolic
     loops = symbolic.loops
-    sketch = sketch_configuration(system) if near is None else near
+    sketch = sketch_configuration(system, parameters, values) if near is None else near
     found: list[Examined] = []
     for asked in symbolic.walks:
         group = asked.group
         guess = sketch[list(group.q_places)]
-        if not (group.names or group.invariants.numel() or group.domain.numel()):
+        if not group.is_bound:
             found.append(_unbound(group, guess))
             continue
         walk, start = _closed(system, asked, values, sketch, time)
@@ -293,13 +293,19 @@ def _closed(
 
 def closed_sketch(system: MechanicalSystem, constraints: Constraints, values: np.ndarray) -> np.ndarray:
     """The `q_start` (nq,) that `constraints` would have, had the scene been built with these values of the parameters. Raises `AssemblyError`."""
-    q = constraints.q_start.copy()
-    sketch = sketch_configuration(system) if constraints.near is None else constraints.near
-    for asked in constraints.symbolic.walks:
-        places = list(asked.influences)
-        if not np.array_equal(values[places], constraints.values[places]):
+    q, walks = constraints.q_start.copy(), constraints.symbolic.walks
+    if not walks:
+        return q
+    sketch = sketch_configuration(system, walks[0].parameters, values) if constraints.near is None else constraints.near
+    for asked in walks:
+        places, own = list(asked.influences), list(asked.group.q_places)
+        if np.array_equal(values[places], constraints.values[places]):
+            continue
+        if not asked.group.is_bound:
+            q[own] = sketch[own]
+        else:
             walk, z = _closed(system, asked, values, sketch, constraints.time)
-            q[list(asked.group.q_places)] = z * walk.unit
+            q[own] = z * walk.unit
     return q
 
 

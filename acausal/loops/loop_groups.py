@@ -12,8 +12,10 @@ from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.tree import JointSymbols
 from acausal.graphs import Graph
 from acausal.loops.loops import LoopRows
+from acausal.loops.sketch import drawn_coordinates
 from acausal.numerics.sizes import Drawn
 from acausal.parts.elastic_body import AbstractElasticBody
+from acausal.parts.joint import AbstractJoint
 from acausal.parts.turning import all_turning
 
 
@@ -21,7 +23,8 @@ from acausal.parts.turning import all_turning
 class LoopGroup:
     """Loops and the joints of the tree that move them, or a joint in no loop; `q`, `v` and q' = `rates` of these joints.
 
-    `q_places` and `v_places`: where they stand among those of the tree. `invariants` of the joints, and their `domain` (positive inside).
+    `q_places` and `v_places`: where they stand among those of the tree. `invariants` of the joints, and their `domain` (positive inside). `sketch`: what
+    coordinates are drawn as, in parameters.
     """
 
     loops: tuple[LoopRows, ...]
@@ -33,6 +36,7 @@ class LoopGroup:
     v_places: tuple[int, ...]
     invariants: ca.SX
     domain: ca.SX
+    sketch: ca.SX
     turning: np.ndarray
     """(nq,), True for angles and quaternions."""
 
@@ -43,6 +47,11 @@ class LoopGroup:
             isinstance(joint.edge.joint, AbstractElasticBody) for joint in self.joints for _ in range(joint.q.start, joint.q.stop)
         ]
         return [k for k, elastic in enumerate(deforms) if elastic]
+
+    @property
+    def is_bound(self) -> bool:
+        """Whether anything is asked of its coordinates."""
+        return bool(self.names or self.invariants.numel() or self.domain.numel())
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -99,10 +108,11 @@ def _group(system: MechanicalSystem, loops: tuple[LoopRows, ...], joints: Sequen
     tree = system.tree
     q_places = [i for joint in joints for i in range(joint.q.start, joint.q.stop)]
     v_places = [i for joint in joints for i in range(joint.v.start, joint.v.stop)]
-    none = ca.SX(0, 1)
+    none, edges = ca.SX(0, 1), [*(joint.edge for joint in joints), *(rows.edge for rows in loops)]
     return LoopGroup(
         loops, tuple(joints), tree.q[q_places], tree.v[v_places], tree.rates[q_places], tuple(q_places), tuple(v_places),
         ca.vertcat(none, *(j.edge.joint.invariants(tree.q[j.q], tree.t) for j in joints)),
         ca.vertcat(none, *(j.edge.joint.domain(tree.q[j.q]) for j in joints)),
+        ca.vertcat(none, *(drawn_coordinates(edge, edge.joint, system.mechanism.groups) for edge in edges if isinstance(edge.joint, AbstractJoint))),
         all_turning(j.edge.joint for j in joints),
     )  # fmt: skip

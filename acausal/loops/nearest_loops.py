@@ -56,7 +56,9 @@ def distance_from_sketch(system: MechanicalSystem, group: LoopGroup, walk: Walk,
         first += item.q.stop - item.q.start
     for loop in group.loops:
         if isinstance(loop.edge.joint, AbstractJoint):
-            at = ca.SX(ca.DM(sketched(loop.edge, loop.edge.joint, system.mechanism.groups)))
+            at = ca.SX(
+                ca.DM(sketched(loop.edge, loop.edge.joint, system.mechanism.groups, walk.symbolic.parameters, walk.values))
+            )
             found.append(at_cut(loop, at, group.q, drawn))
     all, q = Differences.joined(found), system.tree.q
     others = [k for k in range(q.numel()) if k not in group.q_places]

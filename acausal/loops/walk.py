@@ -81,9 +81,9 @@ class WalkFunctions:
 
     @functools.cached_property
     def influences(self) -> tuple[int, ...]:
-        """Places of the parameters on which it depends where the group is closed."""
+        """Places of the parameters on which it depends where the group is closed, and where it is drawn."""
         group = self.group
-        used = {s.element_hash() for s in ca.symvar(ca.vertcat(group.closing, group.velocity, group.domain))}
+        used = {s.element_hash() for s in ca.symvar(ca.vertcat(group.closing, group.velocity, group.domain, group.sketch))}
         return tuple(i for i in range(self.parameters.numel()) if self.parameters[i].element_hash() in used)
 
     @functools.cached_property
@@ -112,7 +112,7 @@ class Walk:
     def __init__(self, symbolic: WalkFunctions, values: np.ndarray, guess: np.ndarray, time: float = 0.0) -> None:
         group = symbolic.group
         self.symbolic, self.guess = symbolic, guess
-        self._values = values
+        self.values = values
         self._parts = _Parts(symbolic.parts, symbolic.patterns, values)
         self._noise = _bound(symbolic.noise, guess.size, values)
         self.time = time
@@ -166,7 +166,7 @@ class Walk:
         heard = A.copy()
         for k in np.flatnonzero(np.any(N[silent] > 0, axis=0) & ~np.any(N[~silent] > 0, axis=0)):
             alone = np.eye(A.shape[1])[k]
-            terms = [finite(np.array(self.symbolic.terms(q, alone, self.time, self._values)).ravel()) for q in probes]
+            terms = [finite(np.array(self.symbolic.terms(q, alone, self.time, self.values)).ravel()) for q in probes]
             heard[:, k] = np.where(A[:, k] > CLOSED * np.max(terms, axis=0, initial=0.0), A[:, k], 0.0)
         return heard
 
@@ -178,7 +178,7 @@ class Walk:
         if not (straight.any() and group.closing.numel()):
             return np.zeros(group.closing.numel()), np.zeros(self.guess.size)
         used = self._used
-        bends = np.max(np.abs(np.array(self.symbolic.bends(straight)(self.guess, self.time, self._values))), axis=1)
+        bends = np.max(np.abs(np.array(self.symbolic.bends(straight)(self.guess, self.time, self.values))), axis=1)
         plain = (bends > 0) & np.isfinite(bends) & ~used[:, group.turning].any(axis=1)
         slopes = np.max(finite(np.abs(J)), axis=1, initial=0.0)
         own = np.divide(slopes, bends, out=np.zeros_like(slopes), where=plain)
@@ -186,7 +186,7 @@ class Walk:
 
     def _inside(self) -> np.ndarray:
         """How far coordinates (nq,) go until what joints say of their domain, which is 1 well inside, is another; zero where nothing is said."""
-        group, at = self.symbolic.group, (self.guess, self.time, self._values)
+        group, at = self.symbolic.group, (self.guess, self.time, self.values)
         straight = ~group.turning & (ca.DM(ca.jacobian(group.domain, group.q).sparsity(), 1).full() > 0).any(axis=0)
         if not straight.any():
             return np.zeros(self.guess.size)
@@ -197,7 +197,7 @@ class Walk:
         found[straight] = np.where(steepest[straight] > 0, found[straight], bent_size(np.ones(len(bends)), bends))
         for k in np.flatnonzero(found):
             there = self.guess + found[k] * np.eye(found.size)[k]
-            changes = np.abs(np.array(self.symbolic.meant(there, self.time, self._values)[0])[: len(domain)] - domain)
+            changes = np.abs(np.array(self.symbolic.meant(there, self.time, self.values)[0])[: len(domain)] - domain)
             if (changes < _ALIKE).all():  # its slope is what rounding leaves of none, as around a cylinder
                 found[k] = 0.0
         return found
@@ -232,7 +232,7 @@ class Walk:
         q = symbolic.group.q
         J = ca.jacobian(rows, q)
         function = ca.Function("differences", [q, symbolic.t, symbolic.parameters], [entries([rows, J])])
-        parts = _Parts(function, [rows.sparsity(), J.sparsity()], self._values)
+        parts = _Parts(function, [rows.sparsity(), J.sparsity()], self.values)
 
         def evaluate(z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             r, J = parts(z * self.unit, self.time)
@@ -259,12 +259,12 @@ class Walk:
 
     def meant(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """What is positive where the group is meant to be (k, 1), and its derivatives by z: joints' domains first."""
-        values, slopes = self.symbolic.meant(z * self.unit, self.time, self._values)
+        values, slopes = self.symbolic.meant(z * self.unit, self.time, self.values)
         return np.array(values), np.array(slopes) * self.unit
 
     def bent(self, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """How the sum of the rows A, with these `weights` (m,), changes with z: (nv, nq)."""
-        turned = self.symbolic.turned(z * self.unit, self.time, self._values, weights / self._velocity)
+        turned = self.symbolic.turned(z * self.unit, self.time, self.values, weights / self._velocity)
         return np.array(turned) * self.rate[:, None] * self.unit
 
     def rows(self, z: np.ndarray) -> np.ndarray:

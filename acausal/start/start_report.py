@@ -96,7 +96,7 @@ def _moved(a: Account) -> list[str]:
     if not coordinates.all:
         return []
     sketch = system.q_start.copy()
-    joints = sketch_configuration(system.mechanics)
+    joints = sketch_configuration(system.mechanics, system.p, a.data[a.data.size - system.p_values.size :])
     sketch[: joints.size] = joints
     q = coordinates.canonical(a.positions.y, sketch)
     far = coordinates.differences(sketch, q)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,6 +15,9 @@ from components import (
     Capacitor,
     Circle,
     Coulomb,
+    Cylindrical,
+    DCMotor,
+    Drag,
     Gear,
     Ground,
     Inductor,
@@ -22,19 +26,24 @@ from components import (
     PlanetaryGear,
     PointOnCurve,
     PointOnPlane,
+    Prismatic,
     RackAndPinion,
     Resistor,
     Revolute,
     RigidBody,
     RotationalDamper,
     RotationalSpring,
+    Screw,
     SlidingMass,
+    SpringDamper,
     TorqueSource,
     TranslationalGround,
     TranslationalSpring,
     VoltageSource,
     World,
 )
+
+Value = float | ac.Parameter
 
 
 def network(pairs: list[tuple[int, int]], values: list[float], nodes: int) -> ac.System:
@@ -353,3 +362,72 @@ def test_what_parts_are_made_of_is_asked_wherever_it_was_made():
 def test_a_sketch_is_of_numbers_and_says_so(make):
     with pytest.raises(ParameterError, match="place in the sketch depends on a parameter"):
         make((ac.Parameter(0.3, "m"), 0.0, 0.0))
+
+
+def motor_on_a_hinge(resistance: Value, inertia: Value, damping: Value) -> tuple[ac.System, ac.Expression]:
+    scene = ac.System()
+    scene.world, scene.bar, scene.source, scene.ground = World(), RigidBody.rod(1.0, (1, 0, 0)), VoltageSource(5.0), Ground()
+    scene.hinge = Revolute.between(scene.world, scene.bar, at=(0, 0, 0), axis="y")
+    scene.motor = DCMotor(0.4, resistance, 0.3, inertia, 2.0, damping)
+    scene.connect(scene.source.pin_a, scene.motor.pin_a)
+    scene.connect(scene.source.pin_b, scene.motor.pin_b, scene.ground.pin)
+    scene.connect(scene.motor.flange, scene.hinge.flange)
+    return scene, scene.hinge.q
+
+
+def ball_on_a_spring(stiffness: Value, length: Value, damping: Value, drag: Value) -> tuple[ac.System, ac.Expression]:
+    scene = ac.System()
+    scene.world, scene.ball, scene.air = World(), Particle(1.0, position=(0.3, 0.2, 0.1)), Drag(linear=drag, quadratic=damping)
+    scene.spring = SpringDamper(stiffness, length, damping)
+    scene.connect(scene.world.frame, scene.spring.point_a)
+    scene.connect(scene.spring.point_b, scene.ball.point, scene.air.point)
+    return scene, scene.ball.point.position
+
+
+def screws_in_line(pitch: Value, other: Value, aside: Value) -> tuple[ac.System, ac.Expression]:
+    scene = ac.System()
+    scene.world, scene.nut = World((1, 0, -9)), RigidBody(1.0, np.diag([0.4, 0.5, 0.6]), (0.3, aside, 0.2))
+    scene.end = RigidBody(1.0, np.diag([0.4, 0.5, 0.6]), (0.3, 0.1, 0.2), position=(0, 0, 1))
+    scene.first = Screw.between(scene.world, scene.nut, at=(0, 0, 0), axis="z", pitch=pitch)
+    scene.second = Screw.between(scene.nut, scene.end, at=(0, 0, 0), axis="z", pitch=other)
+    scene.guide = Cylindrical.between(scene.world, scene.end, at=(0, 0, 0), axis="z")
+    return scene, scene.first.q
+
+
+def slider_crank(aside: Value, tilt: Value, pull: Value) -> tuple[ac.System, ac.Expression]:
+    scene = ac.System()
+    scene.world, scene.crank = World((pull, 0, -9)), RigidBody.rod(1.0, (0.8, 0, 0.6))
+    scene.rod = RigidBody.rod(1.0, (1.9, 0, -0.6), position=(0.8, 0, 0.6))
+    scene.slide = RigidBody.box(1.0, (1, 1, 1), position=(2.7, 0, 0))
+    scene.hinges, scene.guide = [Revolute("y") for _ in range(3)], Prismatic((1, 0, tilt))
+    ends = [
+        (scene.world.at((0, 0, aside)), scene.crank.frame),
+        (scene.crank.tip, scene.rod.frame),
+        (scene.rod.tip, scene.slide.frame),
+    ]
+    for joint, (a, b) in zip([*scene.hinges, scene.guide], [*ends, (scene.world.frame, scene.slide.frame)], strict=True):
+        scene.connect(a, joint.frame_a)
+        scene.connect(joint.frame_b, b)
+    return scene, scene.guide.q
+
+
+def slide_as_it_is_drawn(place: Value, tilt: Value) -> tuple[ac.System, ac.Expression]:
+    scene = ac.System()
+    scene.world, scene.block = World(), RigidBody.box(1.0, (1, 1, 1), position=(2, 0, 0))
+    scene.guide = Prismatic((1, 0, tilt))
+    scene.connect(scene.world.at((place, 0, 0)), scene.guide.frame_a)
+    scene.connect(scene.guide.frame_b, scene.block.frame)
+    return scene, scene.guide.q
+
+
+@pytest.mark.parametrize("values", [(slide_as_it_is_drawn, 0.5, 0.3), (motor_on_a_hinge, 1.2, 0.02, 0.05), (ball_on_a_spring, 30.0, 0.4, 0.5, 0.3), (screws_in_line, 0.3, 0.2, 0.1), (slider_crank, 0.2, 0.1, 1.0)])  # fmt: skip
+def test_what_may_be_0_as_a_number_may_be_0_as_a_parameter(values: tuple[Callable[..., Any], float]):
+    """At the build, with others in the call, and the other way round: as what is built with these numbers."""
+    made, *sizes = values
+    for one in range(len(sizes)):
+        for begin, end in ((0.0, sizes[one]), (sizes[one], 0.0)):
+            changed = ac.Parameter(begin)
+            scene, read = made(*(changed if k == one else size for k, size in enumerate(sizes)))
+            other, there = made(*(end if k == one else size for k, size in enumerate(sizes)))
+            here = ac.build(scene).simulate(0.4, parameters={changed: end}, rtol=1e-10, samples=3)[read]
+            assert np.max(np.abs(here - ac.build(other).simulate(0.4, rtol=1e-10, samples=3)[there])) < 1e-7
