@@ -19,6 +19,8 @@ from acausal.scalar.coupling import ScalarPart
 
 _POINTS = 4
 _SPREAD = 0.3
+_TIMES = 1.3 * 4.0 ** np.arange(-16, 17, 4)
+"""Of which some belong to any motion that is given [s]."""
 
 
 class Reduced(Protocol):
@@ -73,7 +75,7 @@ def holding(system: Reduced, positions: list[np.ndarray]) -> Holding:
     scalar = system.scalar
     if not scalar.held:
         return Holding(0, 0)
-    found = [_ranks(*blocks[:3]) + _ranks(*blocks[3:]) for blocks in _rows(system, positions)]
+    found = [_ranks(*blocks[:3]) + _ranks(*blocks[3:6]) for blocks in _rows(system, positions)]
     if not found:
         return Holding(sum(h.depth == 1 for h in scalar.held), scalar.position.numel())
     both, loop, states_alone, alone, both_q, loop_q, states_q, _ = np.max(found, axis=0)
@@ -91,13 +93,23 @@ def looped(system: Reduced, positions: list[np.ndarray]) -> list[int]:
     def together(rows: list[int]) -> list[int]:
         return [_ranks(loops, joints[rows], states[rows])[0] for loops, joints, states, *_ in points]
 
+    def agree(rows: list[int]) -> bool:
+        """Whether they, with loops, are met by some speeds, whatever is given by the time."""
+        n = system.constraints.velocity.numel()
+        for loops, joints, states, *_, speeds in points:
+            both = np.block([[loops, np.zeros((len(loops), states.shape[1]))], [joints[rows], states[rows]]])
+            asked = speeds[[*range(n), *(n + k for k in rows)]]
+            if any(equilibrated_rank(np.column_stack([both, one])) > equilibrated_rank(both) for one in asked.T):
+                return False
+        return True
+
     whole = together(kept)
     for k in reversed(range(len(velocities))):
         rest = [i for i in kept if i != k]
         alone = [_ranks(loops, joints[kept], states[kept])[1::2] for loops, joints, states, *_ in points]
         if all(loop + own <= both for (loop, own), both in zip(alone, whole, strict=True)):
             break
-        if velocities[k].number in rates and together(rest) == whole:
+        if velocities[k].number in rates and together(rest) == whole and (agree(kept) or not agree(rest)):
             kept = rest
             found.append(velocities[k].equation)
     return found
@@ -105,7 +117,7 @@ def looped(system: Reduced, positions: list[np.ndarray]) -> list[int]:
 
 def _rows(system: Reduced, positions: list[np.ndarray]) -> list[list[np.ndarray]]:
     """Slopes of the velocity equations of loops by velocities, of scalar equations by those and by scalar states that they move, then the same of positions; where
-    finite, and nothing for what rounding leaves of none.
+    finite, and nothing for what rounding leaves of none. And what is asked of speeds by the time.
     """
     scalar, tree = system.scalar, system.mechanics.tree
     n = scalar.positions
@@ -141,8 +153,18 @@ def _rows(system: Reduced, positions: list[np.ndarray]) -> list[list[np.ndarray]
             blocks[1] = _heard(blocks[1], CLOSED * by_v, v_much)
             blocks[3] = _heard(blocks[3], RANK * closed, q_much)
             blocks[4] = _heard(blocks[4], CLOSED * by_q, q_much)
-            found.append(blocks)
+            found.append([*blocks, _speeds(system, q)])
     return found
+
+
+def _speeds(system: Reduced, q: np.ndarray) -> np.ndarray:
+    """What the velocity equations of loops and the scalar ones (n, m) ask for at positions q (nq,) where nothing moves, at some times."""
+    velocity = ca.vertcat(system.constraints.velocity, *(h.residual for h in system.scalar.held if h.depth == 1))
+    at_rest = ca.Function("at_rest", [system.t, system.x, system.u, system.p], [ca.densify(velocity)])
+    if not ca.depends_on(velocity, system.t):
+        return np.zeros((velocity.numel(), 0))
+    x = np.concatenate([q, np.zeros(system.rate_start.size)])
+    return np.column_stack([finite(np.array(at_rest(t, x, system.u_defaults, system.p_values)).ravel()) for t in _TIMES])
 
 
 def _heard(slopes: np.ndarray, least: np.ndarray, much: np.ndarray) -> np.ndarray:
