@@ -136,6 +136,10 @@ class AccuracyWarning(UserWarning):
     """The invariants or the energy balance of a motion are off by far more than the tolerance explains; the motion is not reliable."""
 
 
+class InertiaWarning(UserWarning):
+    """A file gives links an inertia that no body has; they have it all the same."""
+
+
 class ContactWarning(UserWarning):
     """A contact pulled at what it touches, which only something glued can do; the motion is that of a contact that never ends."""
 

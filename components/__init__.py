@@ -4,8 +4,8 @@ Bodies: World, RigidBody, Particle, Fixed; elastic: FlexibleBeam (with its Secti
 CartesianTranslation, Free, PrescribedMotion, PrescribedAngularVelocity, Rod (massless), Cable (over eyelets and pulleys: Pulley; Tangent, CommonTangent, RopeOverWheels), Tendon (TotalLength), Belt (open, crossed, elastic, slipping; StiffBelt, ElasticBelt, SlippingBelt), Rope (taut or slack; LimitedSum), LineOfAction. Guides: PointOnCurve, AlongCurve (curves: Line, Circle, Helix, ParametricCurve, SplineCurve), PointOnSurface (surfaces: Plane, Plate, Sphere,
 Cylinder, Torus, Cone, HeightField, Revolution, ParametricSurface, ImplicitSurface). Contacts: Contact (any shape on any surface by any law; shapes: also
 Ellipsoid, Disk, ConvexShape, Parallel; laws: Rolling, RollingWithoutPivoting, Sliding, Viscous, Creep, HuntCrossley with SmoothCoulomb, Hard with Coulomb, of a Patch; made of Touching, ContactForce and HardContact), OneSidedPoint (by PointOverSurface, PointOverCurve and HardPoint), RollingCylinder, RollingCone (along a line), KnifeEdge, SteeredAxle, RollingBallOnSurface, RollingBall, RollingDisk, RollingTorus, RollingEllipsoid, PointOnPlane. Forces: Spring, Damper,
-SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Held and let go: Latch, PointLatch, Gripper. Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
-RotationalDamper, Gear, ElasticGear, LossyGear, PlanetaryGear, RackAndPinion, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; on flanges of either kind: EndStop, Backlash, ElasticStop, ElasticBacklash, ElasticCoupling, Clutch, Brake, Freewheel, Ratchet; along lines: SlidingMass, TranslationalSpring,
+SpringDamper, NonlinearSpring, NonlinearDamper, Force, Torque, Bushing, Drag, MagnusForce, PitchingMoment. Held and let go: Latch, PointLatch, Gripper. Robots as their makers describe them: Robot (URDF). Fields on all bodies: CentralField, UniformField, PotentialField, MutualGravitation; RotatingEarth. On shafts and joints' flanges: Inertia, RotationalSpring,
+RotationalDamper, Gear, ElasticGear, LossyGear, PlanetaryGear, RackAndPinion, Mimic, TorqueSource, AngleSource, SpeedSource, AngularAccelerationSource, CamFollower, RotationalGround; on flanges of either kind: EndStop, Backlash, ElasticStop, ElasticBacklash, ElasticCoupling, Clutch, Brake, Freewheel, Ratchet; along lines: SlidingMass, TranslationalSpring,
 TranslationalDamper, ForceSource, PositionSource, VelocitySource, AccelerationSource, ConstantSum, TranslationalGround. In circuits: Resistor, Capacitor, Inductor, Diode, IdealDiode, Thyristor,
 VoltageSource, CurrentSource, SignalVoltage, Ground, ElectromotiveForce, DCMotor, OperationalAmplifier. Signals: Constant, TimeFunction, Table, Gain, Sum, Integrator,
 PID, Limiter, Relay, Thermostat, SampleAndHold, RotationSensor, TranslationSensor, CurrentSensor, TorqueSensor, ForceSensor,
@@ -106,6 +106,7 @@ from components.motor import DCMotor
 from components.pulley import CommonTangent, Pulley, RopeOverWheels, Tangent
 from components.rectifiers import IdealDiode, Thyristor
 from components.relays import Limiter, Ratchet, Relay, SampleAndHold, Thermostat
+from components.robot import Mimic, Robot
 from components.rope import LimitedSum, Rope
 from components.rotational import (
     AngleSource,
@@ -223,6 +224,7 @@ __all__ = [
     "LineOfAction",
     "LossyGear",
     "MagnusForce",
+    "Mimic",
     "MutualGravitation",
     "NonlinearDamper",
     "NonlinearSpring",
@@ -258,6 +260,7 @@ __all__ = [
     "Revolute",
     "Revolution",
     "RigidBody",
+    "Robot",
     "Rod",
     "Rolling",
     "RollingBall",

@@ -310,16 +310,17 @@ def _inertia_matrix(inertia: Scalar) -> np.ndarray | Expression:
         raise ParameterError(f"inertia must have 3 or 6 numbers or be a matrix (3, 3), not shape {entries.shape} ({origin()}).")
     dense = Expression(ca.densify(matrix), found)
     if found:
-        checked(dense, _check_physical)
+        checked(dense, check_physical)
         return Expression(matrix, found)
     current = evaluated(dense)
     if current is None:
         return Expression(matrix, found)
-    _check_physical(current)
+    check_physical(current)
     return current
 
 
-def _check_physical(matrix: np.ndarray) -> None:
+def check_physical(matrix: np.ndarray) -> None:
+    """Raise `ParameterError` for an inertia (3, 3) that no body has about its centre of mass."""
     if not np.all(np.isfinite(matrix)):
         raise ParameterError(f"inertia is {matrix.tolist()} ({origin()}). Give finite numbers.")
     scale = float(np.max(np.abs(matrix)))

@@ -218,7 +218,7 @@ def declared(cls: type, kind: type) -> list[str]:
 
 
 class System(Component):
-    """Parts and connections. A part's name is the attribute that it was assigned to; lists of parts are numbered.
+    """Parts and connections. A part's name is the attribute that it was assigned to; lists of parts are numbered, dictionaries of parts named.
 
     As a class: assign parts and `connect` them in `__init__`. As a script: `scene = System()`, `scene.rod = ...`.
     A system with connectors of its own is a component of a larger one.
@@ -237,7 +237,7 @@ class System(Component):
             add_connection(self, a, other)
 
     def parts(self) -> Iterator[tuple[str, Component]]:
-        """Name and part, in the order of assignment; `legs[0]`, `legs[1]` for a list."""
+        """Name and part, in the order of assignment; `legs[0]`, `legs[1]` for a list, `legs.left` for a dictionary."""
         for name, value in self.__dict__.items():
             if name.startswith("_"):
                 continue
@@ -245,6 +245,8 @@ class System(Component):
                 yield name, value
             elif isinstance(value, list | tuple):
                 yield from ((f"{name}[{i}]", part) for i, part in enumerate(value) if isinstance(part, Component))
+            elif isinstance(value, dict):
+                yield from ((f"{name}.{key}", part) for key, part in value.items() if isinstance(part, Component))
 
 
 def add_connection(part: Component, a: Connector, b: Connector) -> None:

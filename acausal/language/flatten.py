@@ -307,12 +307,12 @@ def _check_attributes(system: System, prefix: str, owners: dict[int, str]) -> No
             )
         inner = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
         for entry in inner:
-            lost = [entry] if isinstance(value, dict) else entry if isinstance(entry, list | tuple) else ()
+            lost = entry if isinstance(entry, list | tuple) else entry.values() if isinstance(entry, dict) else ()
             for part in lost:
                 if isinstance(part, Component) and id(part) not in owners:
                     raise ModelError(
                         f"{prefix}{name} holds {part!r} inside a {type(value).__name__} where parts are not looked for. Assign parts by name, "
-                        "or as one flat list: scene.legs = [Leg(), Leg()]."
+                        "or as one flat list or dictionary: scene.legs = [Leg(), Leg()]."
                     )
 
 
