@@ -92,8 +92,8 @@ def shortened(lines: Sequence[str], most: int = 20) -> list[str]:
 
 
 def callers_level() -> int:
-    """The `stacklevel` at which `warnings.warn`, called by the caller of this, points at the first line outside of this package."""
+    """The `stacklevel` at which `warnings.warn`, called by the caller of this, points at the first line outside of this package and of the catalogue."""
     frame, level = sys._getframe(1), 1  # pyright: ignore[reportPrivateUsage]  # the documented way to walk the stack
-    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (__package__, "functools"):
+    while frame is not None and frame.f_globals.get("__name__", "").partition(".")[0] in (__package__, "components", "functools"):
         frame, level = frame.f_back, level + 1
     return level
