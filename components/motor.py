@@ -79,7 +79,7 @@ class _Rotor(Component):
     w = Variable("rad/s", "angular velocity")
 
     def __init__(self, inertia: float | Expression) -> None:
-        self.inertia = inertia
+        self.inertia = scalar(inertia, "_Rotor's inertia", non_negative=True, unit="kg*m^2")
 
     def equations(self) -> Iterable[Equation]:
         yield equal(self.flange.phi, self.phi)

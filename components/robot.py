@@ -15,10 +15,9 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from acausal.arguments import path_of, shown
-from acausal.errors import AcausalError, InertiaWarning, ParameterError
+from acausal.errors import AcausalError, InertiaWarning, OptionError, ParameterError
 from acausal.language.component import Component, System, add_connection
 from acausal.language.connector import FLOWS, Connector, Frame, Rotational, Translational
 from acausal.language.equation import Equation, equal
@@ -32,7 +31,7 @@ from components.joints.free import Free
 from components.joints.planar import Planar
 from components.joints.prismatic import Prismatic
 from components.joints.revolute import Revolute
-from components.orientation import axis_vector
+from components.orientation import axis_vector, rotation_about
 from components.rotational import RotationalDamper, RotationalGround, not_zero
 from components.translational import TranslationalDamper, TranslationalGround
 
@@ -83,7 +82,11 @@ class Mimic(Component):
             setattr(self, name, ends[-1])
             add_connection(self, flange, ends[-1])
         self._ends = tuple(ends)
-        self.ratio, self.offset = not_zero(scalar(ratio, "Mimic's ratio"), "Mimic's ratio"), scalar(offset, "Mimic's offset")
+        unit_a, unit_b = ("rad" if isinstance(end, Rotational) else "m" for end in ends)
+        self.ratio = not_zero(
+            scalar(ratio, "Mimic's ratio", unit="1" if unit_a == unit_b else f"{unit_b}/{unit_a}"), "Mimic's ratio"
+        )
+        self.offset = scalar(offset, "Mimic's offset", unit=unit_b)
 
     def equations(self) -> Iterable[Equation]:
         (place_a, effort_a), (place_b, effort_b) = (tuple(getattr(end, name) for name in FLOWS[type(end)]) for end in self._ends)
@@ -95,10 +98,10 @@ class Mimic(Component):
 class Robot(System):
     """Links and joints of a URDF file (https://wiki.ros.org/urdf/XML): a part of a scene, to be held by its `root`, or left free.
 
-    `description`: the file's path, or its text. `links["hand"]` are its bodies, `joints["elbow"]` what moves, by the names that stand in the file,
-    and `limits["elbow"]` what a joint is made for, which nothing stops it from leaving; `frame("tool")` is the frame of any link, of one without
-    mass, too. `held`: joints that do not move, and where [rad or m]. Joints are damped as the file says, and rub unless `friction` is False; those
-    that mimic others cost no state. Boxes, cylinders and spheres are drawn, meshes are not; nothing touches anything.
+    `description`: the file's path, or its text. `links["hand"]`: its bodies; `joints["elbow"]`: what moves; `limits["elbow"]`: what that is made for,
+    which nothing stops it from leaving; all by their names in the file. `frame("tool")`: of any link, of one without mass, too. `held`: joints that
+    do not move, and where [rad or m]; nor does what mimics them. Joints are damped as the file says, and rub unless `friction` is False; those that
+    mimic others cost no state. Boxes, cylinders and spheres are drawn, meshes are not; nothing touches anything.
 
     Raises `ParameterError` for what is no tree of links, by the name of the link or joint. Warns (`InertiaWarning`) of inertias that no body has.
 
@@ -136,7 +139,7 @@ class Robot(System):
                 raise ParameterError(f"{self._source} has no joint {shown(name)} to be held ({origin()}).{_hint(name, joints)}")
         for name, joint in joints.items():
             with self._saying(f"joint '{name}'"):
-                self._join(name, joint, still.get(name))
+                self._join(name, joint, _place_of(name, joints, still))
                 self._resist(name, joint.find("dynamics"), rubs)
         for name, joint in joints.items():
             with self._saying(f"joint '{name}'"):
@@ -203,7 +206,7 @@ class Robot(System):
         axis = _numbers(joint.find("axis"), "xyz", (1.0, 0.0, 0.0))
         if held is not None:
             moved, rotated = _displacement(kind, axis, held)
-            position, turned, kind = tuple(np.array(position) + turned.apply(moved)), turned * rotated, "fixed"
+            position, turned, kind = tuple(np.array(position) + turned @ moved), turned @ rotated, "fixed"
         outer = self._place(name, parent, position, turned)
         if kind == "fixed":
             self.connect(outer, inner)
@@ -215,7 +218,7 @@ class Robot(System):
         self.connect(moves.frame_b, inner)
         self.limits[name] = _limits(joint.find("limit"), bounded=kind in ("revolute", "prismatic"))
 
-    def _place(self, joint: str, link: str, position: tuple[float, ...], rotation: Rotation) -> Frame:
+    def _place(self, joint: str, link: str, position: tuple[float, ...], rotation: np.ndarray) -> Frame:
         """Where a joint sits on a link."""
         if link in self.links:
             return self.links[link].at(position, rotation)
@@ -269,7 +272,12 @@ def _read(description: str | PathLike[str]) -> tuple[Element, str]:
     if isinstance(description, str) and description.lstrip().startswith("<"):
         text, source = description, "The text"
     else:
-        path = path_of(description, "Robot's description")
+        try:
+            path = path_of(description, "Robot's description")
+        except OptionError:
+            raise ParameterError(
+                f"Robot's description is {shown(description)} ({origin()}). Give the path of a URDF file, or its text."
+            ) from None
         source = path.name
         try:
             text = path.read_text(encoding="utf-8")
@@ -299,13 +307,28 @@ def _hint(name: object, known: Iterable[str]) -> str:
     return f" Did you mean '{near[0]}'?" if near else ""
 
 
-def _displacement(kind: str, axis: tuple[float, ...], place: float) -> tuple[np.ndarray, Rotation]:
+def _place_of(name: str, joints: Mapping[str, Element], held: Mapping[str, float]) -> float | None:
+    """Where a joint stays that is held, or mimics one that is; None where it moves."""
+    ratio, offset = 1.0, 0.0
+    for _ in joints:
+        if name in held:
+            return ratio * held[name] + offset
+        mimic = joints[name].find("mimic")
+        if mimic is None or mimic.get("joint") not in joints:
+            return None
+        offset += ratio * _numbers(mimic, "offset", (0.0,))[0]
+        ratio *= _numbers(mimic, "multiplier", (1.0,))[0]
+        name = mimic.get("joint", "")
+    raise ParameterError(f"it mimics itself ({origin()}).")
+
+
+def _displacement(kind: str, axis: tuple[float, ...], place: float) -> tuple[np.ndarray, np.ndarray]:
     """Of a joint of one freedom that is held: how far it has shifted [m] and turned."""
     along = np.array(axis_vector(axis, "axis"))
     if kind == "prismatic":
-        return place * along, Rotation.identity()
+        return place * along, np.eye(3)
     if kind in ("revolute", "continuous"):
-        return np.zeros(3), Rotation.from_rotvec(place * along)
+        return np.zeros(3), rotation_about(along, place)
     raise ParameterError(f"it is {kind}, and only joints of one freedom can be held ({origin()}).")
 
 
@@ -331,10 +354,13 @@ def _numbers(element: Element | None, attribute: str, usual: tuple[float, ...]) 
     return found
 
 
-def _origin(element: Element | None) -> tuple[tuple[float, ...], Rotation]:
-    """Place [m] and rotation of what has an <origin>: turned by roll, pitch and yaw about the axes x, y and z that stay."""
+def _origin(element: Element | None) -> tuple[tuple[float, ...], np.ndarray]:
+    """Place [m] and rotation (3, 3) of what has an <origin>: turned by roll, pitch and yaw about the axes x, y and z that stay."""
     found = None if element is None else element.find("origin")
-    return _numbers(found, "xyz", (0.0,) * 3), Rotation.from_euler("xyz", _numbers(found, "rpy", (0.0,) * 3))
+    roll, pitch, yaw = (
+        rotation_about(axis, angle) for axis, angle in zip(np.eye(3), _numbers(found, "rpy", (0.0,) * 3), strict=True)
+    )
+    return _numbers(found, "xyz", (0.0,) * 3), yaw @ pitch @ roll
 
 
 def _body(link: Element, colours: Mapping[str, str | None]) -> RigidBody | None:
@@ -350,7 +376,7 @@ def _body(link: Element, colours: Mapping[str, str | None]) -> RigidBody | None:
     if mass == 0 and not inertia.any():
         return None
     centre, turned = _origin(inertial)
-    inertia = turned.as_matrix() @ inertia @ turned.as_matrix().T
+    inertia = turned @ inertia @ turned.T
     body = RigidBody(1.0, (1.0, 1.0, 1.0), centre, shapes=tuple(_shapes(link, colours)))
     body.mass, body.central_inertia = mass, (inertia + inertia.T) / 2  # as written, whether there is such a body or not
     return body
@@ -367,7 +393,7 @@ def _shape(visual: Element, colours: Mapping[str, str | None]) -> drawn.Abstract
     """None for meshes."""
     place, turned = _origin(visual)
     x, y, z = place
-    rows = turned.as_matrix().tolist()
+    rows = turned.tolist()
     material = visual.find("material")
     colour = None if material is None else _colour(material) or colours.get(material.get("name", ""))
     geometry = visual.find("geometry")

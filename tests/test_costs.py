@@ -28,7 +28,7 @@ COSTS = {
     "NonlinearDamper": (2, 34), "NonlinearSpring": (2, 26), "PitchingMoment": (13, 94), "Spring": (2, 21), "SpringDamper": (2, 34),
     "Torque": (13, 44), "CentralField": (6, 16), "MutualGravitation": (18, 69), "PotentialField": (13, 148), "RotatingEarth": (6, 16),
     "UniformField": (13, 87), "AngleSource": (0, 0), "AngularAccelerationSource": (2, 0), "CamFollower": (2, 19), "ElasticGear": (4, 14),
-    "Gear": (2, 4), "Inertia": (2, 4), "LossyGear": (2, 33), "PlanetaryGear": (2, 0), "RackAndPinion": (2, 8), "RotationalDamper": (4, 11),
+    "Gear": (2, 4), "Inertia": (2, 4), "LossyGear": (2, 33), "PlanetaryGear": (2, 0), "RackAndPinion": (2, 8), "Mimic": (4, 78), "RotationalDamper": (4, 11),
     "RotationalSpring": (4, 11), "SpeedSource": (1, 0), "TorqueSource": (2, 4), "AccelerationSource": (2, 0), "ForceSource": (2, 3),
     "PositionSource": (0, 0), "SlidingMass": (2, 6), "TranslationalDamper": (4, 11), "TranslationalGround": (2, 3), "VelocitySource": (1, 0),
     "Capacitor": (1, 3), "CurrentSource": (1, 4), "DCMotor": (3, 11), "Diode": (2, 10), "ElectromotiveForce": (3, 11),

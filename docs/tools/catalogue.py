@@ -29,6 +29,7 @@ _TITLES = {
     "electrical": "Circuits",
     "amplifier": "Circuits",
     "motor": "Circuits",
+    "robot": "Robots",
     "signals": "Signals",
     "sensors": "Signals",
 }

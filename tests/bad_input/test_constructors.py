@@ -54,7 +54,7 @@ USUAL: dict[str, Any] = {
     "flange": SlidingMass(1.0).flange_a, "flange_a": SlidingMass(1.0).flange_a, "flange_b": SlidingMass(1.0).flange_a, "EndStop": {"lower": -0.1},
     "pulley": Pulley(World().frame, 0.1), "pulley_a": Pulley(World().frame, 0.1), "pulley_b": Pulley(World().frame, 0.1), "RopeOverWheels.sections": (1, 2), "RopeOverWheels.radii": (0.1,),
     "pulleys": (Pulley(World().frame, 0.1, wheel=RigidBody.disk(1.0, 0.1)), Pulley(World().at((1, 0, 0)), 0.1)), "radii": (0.1, 0.2, 0.3), "sections": (1, 1, 1),
-    "ConstantSum.number": 2, "TotalLength.number": 2, "ElasticStop.law": HuntCrossley(1e3), "ElasticBacklash.law": HuntCrossley(1e3), "ElasticStop": {"lower": -0.1}, "CamFollower.lift": lambda phi: 0.1 * np.sin(phi), "PrescribedAngularVelocity.angular_velocity": (1.0, 2.0, -0.5), "Bushing.stiffness": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "UniformField.acceleration": (1.0, 2.0, -0.5),
+    "description": '<robot name="r"><link name="a"><inertial><mass value="1"/></inertial></link></robot>', "ConstantSum.number": 2, "TotalLength.number": 2, "ElasticStop.law": HuntCrossley(1e3), "ElasticBacklash.law": HuntCrossley(1e3), "ElasticStop": {"lower": -0.1}, "CamFollower.lift": lambda phi: 0.1 * np.sin(phi), "PrescribedAngularVelocity.angular_velocity": (1.0, 2.0, -0.5), "Bushing.stiffness": (1.0, 2.0, 3.0, 4.0, 5.0, 6.0), "UniformField.acceleration": (1.0, 2.0, -0.5),
 }  # fmt: skip
 POSITIVE = {"mass", "inertia", "radius", "half_angle", "tube", "semi_axes", "length", "density", "youngs_modulus", "stiffness", "damping", "natural_length",
             "resistance", "capacitance", "inductance", "saturation_current", "thermal_voltage", "filter_time", "mu", "width", "capacity", "holding", "leakage", "restitution", "linear", "quadratic", "collar"}  # fmt: skip
@@ -65,7 +65,7 @@ PLAIN = {"Constant.value", "TimeFunction.function", "Gain.factor", "Integrator.f
          *(f"{part}.{name}" for part in ("Relay", "Thermostat", "Limiter") for name in ("lower", "upper", "off", "on", "power", "start")),
          *(f"{part}.{name}" for part in ("Latch", "PointLatch", "Gripper") for name in ("closes", "opens"))}  # fmt: skip
 """What signals carry has any unit, and what tells by its sign."""
-FLAGS = {"held", "unilateral", "Relay.start", "Thermostat.start"}
+FLAGS = {"held", "unilateral", "Relay.start", "Thermostat.start", "Robot.friction"}
 DIRECTIONS = {"axis", "axis_a", "axis_b", "normal", "rotation", "tip_turns", "side"}
 
 

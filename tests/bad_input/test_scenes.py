@@ -205,9 +205,9 @@ def part_replaced() -> None:
     ac.build(scene)
 
 
-def parts_in_a_dictionary() -> None:
+def parts_in_lists_in_a_dictionary() -> None:
     scene = Pendulum()
-    scene.balls = {"left": RigidBody.ball(1.0, 0.1)}
+    scene.balls = {"left": [RigidBody.ball(1.0, 0.1)]}
     ac.build(scene)
 
 
@@ -296,7 +296,7 @@ CASES = [
     Wrong("axis that turns with time", lambda: ac.build(four_bar(last_but_one=(0, 1, ac.time))), errors.ParameterError, ("c (", "axis", "time")),
     Wrong("scene in itself", scene_in_itself, errors.DuplicateError, ("scene itself", "two.one")),
     Wrong("part replaced after it was connected", part_replaced, errors.IncompatibleError, ("hinge.frame_b", "not a part", "another part afterwards")),
-    Wrong("parts in a dictionary", parts_in_a_dictionary, errors.ModelError, ("balls", "dict", "flat list")),
+    Wrong("parts in lists in a dictionary", parts_in_lists_in_a_dictionary, errors.ModelError, ("balls", "dict", "flat list")),
     Wrong("class in place of a part", class_for_a_part, errors.ModelError, ("moon is the class RigidBody", "RigidBody(...)")),
     Wrong("connector of a class", class_s_connector, errors.IncompatibleError, ("belongs to a class", "instance")),
     Wrong("class in place of a scene", lambda: ac.build(Pendulum), errors.ModelError, ("the class Pendulum", "build(Pendulum())")),
