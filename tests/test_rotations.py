@@ -42,6 +42,20 @@ def test_euler_angles_are_what_scipy_calls_so_both_ways(name):
     assert np.max(np.abs(np.array(read(R)).ravel() - angles)) < 1e-13
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_angles_tell_the_rotation_also_where_two_turn_about_one_axis(name):
+    """No turn is three times 0; and one of any angle about the outer axis, or the second angle at an end of its range, is told by some of its angles."""
+    rng, order = np.random.default_rng(NAMES.index(name)), name.split()[1]
+    symbols = ca.SX.sym("R", 3, 3)
+    read = ca.Function("read", [symbols], [rotations.euler_angles(symbols, name).sx])
+    assert np.max(np.abs(np.array(read(np.eye(3))))) < 1e-15
+    for end in (0, np.pi) if order[0] == order[2] else (-np.pi / 2, np.pi / 2):
+        for first, third in [(0, 0), (1.0, 0), (0, -2.0), *rng.uniform(-3, 3, (20, 2))]:
+            R = Rotation.from_euler(scipys(name), (first, end, third)).as_matrix()
+            angles = np.array(read(R)).ravel()
+            assert np.max(np.abs(Rotation.from_euler(scipys(name), angles).as_matrix() - R)) < 1e-14
+
+
 def test_there_are_twelve_orders():
     assert len(ORDERS) == 12
 

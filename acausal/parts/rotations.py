@@ -202,9 +202,14 @@ def euler(sequence: str, angles: Scalar) -> Expression:
     return Expression(first @ second @ third, leaves(angles))
 
 
+_NOTHING = 1e-300
+"""Beside entries of a rotation: where these are zero of either sign, an angle is 0 and not half a turn."""
+
+
 def euler_angles(R: Scalar, sequence: str) -> Expression:
     """The angles (3, 1) [rad] of R (3, 3), as `euler` takes them: first and third in (-pi, pi], the second in [0, pi] where first and third axis are
-    the same one, else in [-pi/2, pi/2]. Where the second is at an end of its range the other two have no values of their own.
+    the same one, else in [-pi/2, pi/2]. Where the second is at an end of its range the other two turn about one axis: any first one goes with one third,
+    and where nothing tells it, it is 0.
     """
     intrinsic, axes = _sequence(sequence)
     i, j, k = axes if intrinsic else axes[::-1]
@@ -212,11 +217,16 @@ def euler_angles(R: Scalar, sequence: str) -> Expression:
     s = 1 if (j - i) % 3 == 1 else -1
     if i == k:
         n = 3 - i - j
-        first, third = ca.atan2(R_[j, i], -s * R_[n, i]), ca.atan2(R_[i, j], s * R_[i, n])
+        first = ca.atan2(R_[j, i], _NOTHING - s * R_[n, i])
         second = ca.atan2(_length(R_[i, j], R_[i, n]), R_[i, i])
     else:
-        first, third = ca.atan2(-s * R_[j, k], R_[k, k]), ca.atan2(-s * R_[i, j], R_[i, i])
+        n = k
+        first = ca.atan2(-s * R_[j, k], _NOTHING + R_[k, k])
         second = ca.atan2(s * R_[i, k], _length(R_[i, i], R_[i, j]))
+    left = [
+        ca.cos(first) * R_[j, column] + s * ca.sin(first) * R_[n, column] for column in (i, j, n)
+    ]  # a row of what the first turn leaves
+    third = ca.atan2(-s * left[2] if i == k else s * left[0], _NOTHING + left[1])
     return Expression(
         ca.vertcat(first, second, third) if intrinsic else ca.vertcat(third, second, first), found, f"{sequence}{{}}"
     )
