@@ -8,7 +8,6 @@ import numpy as np
 
 from acausal.charts.chart import Chart
 from acausal.collocation.problem import Problem, Solution
-from acausal.integrators.passage import passage_of
 from acausal.outputs.functions import Functions
 
 
@@ -30,25 +29,19 @@ class Piece:
         return self._in(seen, times, self.solution.dense(times))
 
     def states(self, times: np.ndarray, seen: Functions) -> np.ndarray:
-        """States (nx, n) of `seen` at times (n,), projected so that invariants hold; next to singular positions, where that only adds rounding errors, as they are
-        interpolated.
-        """
-        x, passage = self.solution.dense(times), passage_of(self.problem) if self.solution.modes is None else None
-        beside = False if passage is None else passage.are_crossing(times, x.T)
-        return self._in(seen, times, np.where(beside, x, self._projected(times, x)))
-
-    def _projected(self, times: np.ndarray, x: np.ndarray) -> np.ndarray:
-        project, native = self.functions.projection, self.problem.native
+        """States (nx, n) of `seen` at times (n,), projected so that invariants hold."""
+        x, project, native = self.solution.dense(times), self.functions.projection, self.problem.native
         inputs = self.problem.with_modes(self.solution.modes).inputs
         if native is not None:
             matter = native.integrand.led or native.integrand.masks
-            return native.projected(times, x, inputs(times) if matter else None, self.problem.parameters)
-        if project is None:
-            return x
-        u, p, projected = inputs(times), np.repeat(self.problem.parameters[:, None], times.size, axis=1), x
-        for _ in range(3):  # moving q opens the velocity rows a little; the next projection closes them
-            projected = np.array(project(times[None, :], projected, u, p)).reshape(x.shape)
-        return np.where(np.all(np.isfinite(projected), axis=0), projected, x)
+            x = native.projected(times, x, inputs(times) if matter else None, self.problem.parameters)
+        elif project is not None:
+            u, p = inputs(times), np.repeat(self.problem.parameters[:, None], times.size, axis=1)
+            projected = x
+            for _ in range(3):  # moving q opens the velocity rows a little; the next projection closes them
+                projected = np.array(project(times[None, :], projected, u, p)).reshape(x.shape)
+            x = np.where(np.all(np.isfinite(projected), axis=0), projected, x)
+        return self._in(seen, times, x)
 
     def _in(self, seen: Functions, times: np.ndarray, x: np.ndarray) -> np.ndarray:
         if seen is self.functions:
