@@ -62,6 +62,7 @@ from components import (
     VoltageSource,
     World,
 )
+from examples.classical.whirling_rotor import CRITICAL, OFF, Rotor
 
 G = 9.81
 
@@ -353,26 +354,9 @@ def test_a_dual_spin_satellite_moves_as_a_gyrostat():
 @pytest.mark.parametrize("ratio", [0.5, 2.0])
 def test_an_unbalanced_rotor_whirls(ratio):
     """Chapter 11: on a shaft of stiffness k at the speed r sqrt(k / m) its centre runs along a circle of radius e r^2 / (1 - r^2)."""
-    k, m, e = 400.0, 2.0, 1e-3
-    w = ratio * np.sqrt(k / m)
-    scene = ac.System()
-    scene.world, scene.x, scene.y, scene.turn = World(None), Prismatic("x"), Prismatic("y"), Revolute("z")
-    scene.rotor = RigidBody(m, (0.01, 0.01, 0.02), (e, 0, 0))
-    scene.motor, scene.springs, scene.feet = (
-        SpeedSource(w),
-        [TranslationalSpring(k) for _ in range(2)],
-        [TranslationalGround() for _ in range(2)],
-    )
-    scene.connect(scene.world.frame, scene.x.frame_a)
-    scene.connect(scene.x.frame_b, scene.y.frame_a)
-    scene.connect(scene.y.frame_b, scene.turn.frame_a)
-    scene.connect(scene.turn.frame_b, scene.rotor.frame)
-    scene.connect(scene.turn.flange, scene.motor.flange)
-    for joint, spring, foot in zip((scene.x, scene.y), scene.springs, scene.feet, strict=True):
-        scene.connect(joint.flange, spring.flange_b)
-        scene.connect(spring.flange_a, foot.flange)
-    radius = e * ratio**2 / (1 - ratio**2)
-    run = ac.build(scene).simulate(2.0, {scene.x.q: radius, scene.y.v: radius * w}, rtol=1e-12)
+    scene, w = Rotor(), ratio * CRITICAL
+    radius = OFF * ratio**2 / (1 - ratio**2)
+    run = ac.build(scene).simulate(2.0, {scene.x.q: radius, scene.y.v: radius * w}, parameters={scene.speed: w}, rtol=1e-12)
     assert np.max(np.abs(run[scene.x.q] - radius * np.cos(w * run.t))) < 1e-11
     assert run.energy_error() < 1e-9
 

@@ -16,23 +16,29 @@ MASS, STIFFNESS, OFF = 2.0, 400.0, 0.02
 CRITICAL = np.sqrt(STIFFNESS / MASS)
 
 
+class Rotor(ac.System):
+    """It turns at `speed` in a plane, its centre of mass beside its centre, which springs hold."""
+
+    def __init__(self) -> None:
+        self.world, self.x, self.y, self.turn = World(gravity=None), Prismatic("x"), Prismatic("y"), Revolute("z")
+        shapes = (Disk(radius=0.15, thickness=0.02), Rod((0, 0, 0), (0.15, 0, 0)))
+        self.rotor = RigidBody(MASS, (0.01, 0.01, 0.02), centre_of_mass=(OFF, 0, 0), shapes=shapes)
+        self.speed = ac.Parameter(1.0, "rad/s")
+        self.motor = SpeedSource(self.speed)
+        self.shaft, self.bearings = [TranslationalSpring(STIFFNESS) for _ in "xy"], [TranslationalGround() for _ in "xy"]
+        self.connect(self.world.frame, self.x.frame_a)
+        self.connect(self.x.frame_b, self.y.frame_a)
+        self.connect(self.y.frame_b, self.turn.frame_a)
+        self.connect(self.turn.frame_b, self.rotor.frame)
+        self.connect(self.turn.flange, self.motor.flange)
+        for joint, spring, bearing in zip((self.x, self.y), self.shaft, self.bearings, strict=True):
+            self.connect(joint.flange, spring.flange_b)
+            self.connect(spring.flange_a, bearing.flange)
+
+
 def main(folder: str = "out") -> float:
     """Two seconds at five speeds; returns how far paths are off their circles, as part of these."""
-    scene = ac.System()
-    scene.world, scene.x, scene.y, scene.turn = World(gravity=None), Prismatic("x"), Prismatic("y"), Revolute("z")
-    shapes = (Disk(radius=0.15, thickness=0.02), Rod((0, 0, 0), (0.15, 0, 0)))
-    scene.rotor = RigidBody(MASS, (0.01, 0.01, 0.02), centre_of_mass=(OFF, 0, 0), shapes=shapes)
-    scene.speed = ac.Parameter(1.0, "rad/s")
-    scene.motor = SpeedSource(scene.speed)
-    scene.shaft, scene.bearings = [TranslationalSpring(STIFFNESS) for _ in "xy"], [TranslationalGround() for _ in "xy"]
-    scene.connect(scene.world.frame, scene.x.frame_a)
-    scene.connect(scene.x.frame_b, scene.y.frame_a)
-    scene.connect(scene.y.frame_b, scene.turn.frame_a)
-    scene.connect(scene.turn.frame_b, scene.rotor.frame)
-    scene.connect(scene.turn.flange, scene.motor.flange)
-    for joint, spring, bearing in zip((scene.x, scene.y), scene.shaft, scene.bearings, strict=True):
-        scene.connect(joint.flange, spring.flange_b)
-        scene.connect(spring.flange_a, bearing.flange)
+    scene = Rotor()
     model = ac.build(scene)
     print(model)
     off = 0.0
