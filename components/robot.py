@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import functools
 import math
 import warnings
@@ -24,7 +23,7 @@ from acausal.language.equation import Equation, equal
 from acausal.language.expression import Scalar, flag, number, scalar
 from acausal.language.origin import origin
 from acausal.visual import shapes as drawn
-from acausal.wording import callers_level
+from acausal.wording import callers_level, nearest
 from components.bodies import Fixed, RigidBody, check_physical
 from components.clutches import Brake
 from components.joints.free import Free
@@ -136,7 +135,9 @@ class Robot(System):
         self._warn_of_inertias()
         for name in still:
             if name not in joints:
-                raise ParameterError(f"{self._source} has no joint {shown(name)} to be held ({origin()}).{_hint(name, joints)}")
+                raise ParameterError(
+                    f"{self._source} has no joint {shown(name)} to be held ({origin()}).{nearest(str(name), joints)}"
+                )
         for name, joint in joints.items():
             with self._saying(f"joint '{name}'"):
                 self._join(name, joint, _place_of(name, joints, still))
@@ -157,7 +158,7 @@ class Robot(System):
             return self.links[link].frame
         if link in self.massless:
             return self.massless[link].frame_a
-        raise ParameterError(f"There is no link {shown(link)} ({origin()}).{_hint(link, (*self.links, *self.massless))}")
+        raise ParameterError(f"There is no link {shown(link)} ({origin()}).{nearest(str(link), (*self.links, *self.massless))}")
 
     def _named(self, robot: Element, kind: str) -> dict[str, Element]:
         """Elements of a kind by their names."""
@@ -300,11 +301,6 @@ def _places(held: Any) -> Mapping[str, float]:
             f"Robot's held is {shown(held)} ({origin()}). Give names of joints and their places, {{'finger': 0.02}}."
         )
     return {name: number(place, f"Robot's held: the place of {shown(name)}") for name, place in (held or {}).items()}
-
-
-def _hint(name: object, known: Iterable[str]) -> str:
-    near = difflib.get_close_matches(str(name), [*known], n=1)
-    return f" Did you mean '{near[0]}'?" if near else ""
 
 
 def _place_of(name: str, joints: Mapping[str, Element], held: Mapping[str, float]) -> float | None:

@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 import acausal as ac
 from acausal.errors import InertiaWarning, MasslessError, ParameterError
 from acausal.visual import shapes as drawn
-from components import Mimic, Prismatic, Revolute, Robot, RotationalGround, TranslationalGround, World
+from components import Mimic, Prismatic, Revolute, RigidBody, Robot, RotationalGround, TranslationalGround, World
 
 G = 9.81
 
@@ -164,7 +164,7 @@ def test_flanges_of_any_kind_follow_one_another(of: str) -> None:
     """Weights on a hinge and a slide of a mixed pair: one equation of motion, (I + m ratio^2) a = - m g ratio."""
     scene, ratio, offset = ac.System(), 0.3, 0.1
     scene.world, scene.hinge, scene.rail = World(gravity=(0, 0, -G)), Revolute("z"), Prismatic("z")
-    scene.wheel, scene.weight = ac_body(0.02), ac_body(1e-3, 0.7)
+    scene.wheel, scene.weight = RigidBody(1.0, (0.02,) * 3), RigidBody(0.7, (1e-3,) * 3)
     for joint, body in ((scene.hinge, scene.wheel), (scene.rail, scene.weight)):
         scene.connect(scene.world.frame, joint.frame_a)
         scene.connect(joint.frame_b, body.frame)
@@ -177,12 +177,6 @@ def test_flanges_of_any_kind_follow_one_another(of: str) -> None:
     turned = run[scene.hinge.q].ravel()
     np.testing.assert_allclose(turned - turned[0], acceleration * run.t**2 / 2, atol=1e-10)
     np.testing.assert_allclose(run[scene.rail.q].ravel(), ratio * turned + offset, atol=1e-12)
-
-
-def ac_body(inertia: float, mass: float = 1.0) -> Any:
-    from components import RigidBody
-
-    return RigidBody(mass, (inertia, inertia, inertia))
 
 
 def test_solids_are_drawn_where_they_stand() -> None:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any, Protocol
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Protocol, cast
 
 import casadi as ca
 import numpy as np
@@ -694,8 +694,10 @@ def _ordered(pair: tuple[Any, Any], name: str, entries: int | None) -> tuple[np.
 
 def _limit(value: Any, none: float) -> np.ndarray:
     """A limit's numbers (n,); `none` where it is None."""
-    if value is None or isinstance(value, (list, tuple)):
-        value = [none if v is None else v for v in (value or (value,))]  # pyright: ignore
+    if value is None:
+        value = none
+    elif isinstance(value, list | tuple):
+        value = [none if v is None else v for v in cast(Iterable[Any], value)]
     return np.asarray(_numbers(value), dtype=float).ravel(order="F")
 
 

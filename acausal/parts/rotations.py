@@ -223,10 +223,11 @@ def euler_angles(R: Scalar, sequence: str) -> Expression:
         n = k
         first = ca.atan2(-s * R_[j, k], _NOTHING + R_[k, k])
         second = ca.atan2(s * R_[i, k], _length(R_[i, i], R_[i, j]))
-    left = [
-        ca.cos(first) * R_[j, column] + s * ca.sin(first) * R_[n, column] for column in (i, j, n)
-    ]  # a row of what the first turn leaves
-    third = ca.atan2(-s * left[2] if i == k else s * left[0], _NOTHING + left[1])
+    across = n if i == k else i
+    sine, cosine = (
+        ca.cos(first) * R_[j, column] + s * ca.sin(first) * R_[n, column] for column in (across, j)
+    )  # of what the first turn leaves
+    third = ca.atan2(-s * sine if i == k else s * sine, _NOTHING + cosine)
     return Expression(
         ca.vertcat(first, second, third) if intrinsic else ca.vertcat(third, second, first), found, f"{sequence}{{}}"
     )

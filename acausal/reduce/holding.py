@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -136,6 +137,7 @@ def _rows(system: Reduced, positions: list[np.ndarray]) -> list[list[np.ndarray]
     moved = np.zeros(system.rate_start.size)
     moved[: v_much.size] = v_much
     rng = np.random.default_rng(6)
+    speeds = _speeds(system)
     found: list[list[np.ndarray]] = []
     for q in positions:
         rates = system.rate_start + rng.uniform(-1, 1, system.rate_start.size)
@@ -153,18 +155,22 @@ def _rows(system: Reduced, positions: list[np.ndarray]) -> list[list[np.ndarray]
             blocks[1] = _heard(blocks[1], CLOSED * by_v, v_much)
             blocks[3] = _heard(blocks[3], RANK * closed, q_much)
             blocks[4] = _heard(blocks[4], CLOSED * by_q, q_much)
-            found.append([*blocks, _speeds(system, q)])
+            found.append([*blocks, speeds(q)])
     return found
 
 
-def _speeds(system: Reduced, q: np.ndarray) -> np.ndarray:
+def _speeds(system: Reduced) -> Callable[[np.ndarray], np.ndarray]:
     """What the velocity equations of loops and the scalar ones (n, m) ask for at positions q (nq,) where nothing moves, at some times."""
     velocity = ca.vertcat(system.constraints.velocity, *(h.residual for h in system.scalar.held if h.depth == 1))
-    at_rest = ca.Function("at_rest", [system.t, system.x, system.u, system.p], [ca.densify(velocity)])
     if not ca.depends_on(velocity, system.t):
-        return np.zeros((velocity.numel(), 0))
-    x = np.concatenate([q, np.zeros(system.rate_start.size)])
-    return np.column_stack([finite(np.array(at_rest(t, x, system.u_defaults, system.p_values)).ravel()) for t in _TIMES])
+        return lambda q: np.zeros((velocity.numel(), 0))
+    at_rest = ca.Function("at_rest", [system.t, system.x, system.u, system.p], [ca.densify(velocity)])
+
+    def asked(q: np.ndarray) -> np.ndarray:
+        x = np.concatenate([q, np.zeros(system.rate_start.size)])
+        return np.column_stack([finite(np.array(at_rest(t, x, system.u_defaults, system.p_values)).ravel()) for t in _TIMES])
+
+    return asked
 
 
 def _heard(slopes: np.ndarray, least: np.ndarray, much: np.ndarray) -> np.ndarray:

@@ -54,12 +54,11 @@ class Locks:
         begin = sum(len(row.reactions) for row in self.rows[:k])
         return slice(begin, begin + len(self.rows[k].reactions))
 
-    def held(self, u: np.ndarray, p: np.ndarray, arguments: Sequence[ca.SX]) -> tuple[int, ...]:
-        """Rows that are held at a start with these inputs (nu,) and parameters (np,), and not where they stand by then. `arguments`: symbols of both."""
-        given = ca.Function("held", list(arguments), [ca.vertcat(*(row.held for row in self.rows))])
-        holds = np.array(given(u, p)).ravel()
+    @property
+    def closed_at_start(self) -> ca.SX:
+        """1 for each row (rows, 1) that is held at a start, and not wherever it stands by then."""
         where = [any(isinstance(declared(s), Discrete) for s in ca.symvar(ca.vertcat(row.gap, row.apart))) for row in self.rows]
-        return tuple(k for k, anywhere in enumerate(where) if holds[k] == 1 and not anywhere)
+        return ca.vertcat(*(ca.SX(0) if anywhere else row.held for row, anywhere in zip(self.rows, where, strict=True)))
 
 
 def locks_of(rows: Sequence[LockRows], motion: Motion) -> Locks:

@@ -225,6 +225,17 @@ class ReducedSystem:
         return circuits or any(ca.depends_on(value, ca.vertcat(self.t, self.u)) for value in values)
 
     @functools.cached_property
+    def _closed_at_start(self) -> ca.Function:
+        assert self.locks is not None
+        return ca.Function("closed", [self.u, self.p], [ca.densify(self.locks.closed_at_start)])
+
+    def locks_at_start(self, u: np.ndarray, p: np.ndarray) -> tuple[int, ...]:
+        """Those that are closed at a start with these inputs (nu,) and parameters (np,)."""
+        if self.locks is None:
+            return ()
+        return tuple(np.flatnonzero(np.array(self._closed_at_start(u, p)).ravel() == 1).tolist())
+
+    @functools.cached_property
     def led(self) -> tuple[Input, ...]:
         """Inputs that nonlinear equations give states by: these jump when they do."""
         used = {s.element_hash() for s in ca.symvar(self.scalar.residuals)}

@@ -102,24 +102,28 @@ def initial_state(outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: n
 
     Raises `StartValueError` for a start value that cannot be set or cannot be met, `AssemblyError` when a loop cannot close.
     """
-    locks = outputs.system.locks
-    if locks is not None and (held := locks.held(u, p, (outputs.system.u, outputs.system.p))):
-        problem = start_problem(outputs, start, held)
-        weights, data = start_data(problem, start, t0, p, u)
-        with problem.lock:
-            found, moving = _searched(problem, data, weights)
-        if moving is not None and moving.converged:
-            return finished(Account(problem, data, weights, found, moving))
-    problem = start_problem(outputs, start)
+    held = outputs.system.locks_at_start(u, p)
+    found = (_account(outputs, start, t0, p, u, held) if held else None) or _account(outputs, start, t0, p, u)
+    assert found is not None
+    return finished(found)
+
+
+def _account(
+    outputs: Outputs, start: Start, t0: float, p: np.ndarray, u: np.ndarray, held: tuple[int, ...] = ()
+) -> Account | None:
+    """Of the search, with these locks closed: None where that is not found with any, an error without."""
+    problem = start_problem(outputs, start, held)
     weights, data = start_data(problem, start, t0, p, u)
     with problem.lock:
         found, moving = _searched(problem, data, weights)
-        if moving is None:
-            _check_lengths(problem, data)
-            _complain(problem.positions, found, data)
-        if not moving.converged:
+        if moving is not None and moving.converged:
+            return Account(problem, data, weights, found, moving)
+        if not held:
+            if moving is None:
+                _check_lengths(problem, data)
+                _complain(problem.positions, found, data)
             _complain(problem.velocities, moving, np.concatenate([data, found.y]))
-    return finished(Account(problem, data, weights, found, moving))
+    return None
 
 
 def _searched(problem: StartProblem, data: np.ndarray, weights: np.ndarray) -> tuple[Found, Found | None]:
