@@ -111,6 +111,7 @@ static int led_by(Integrator *I, V t, long count, V *u) {
 /* The same with the sides of switches. */
 static int inputs_at(Integrator *I, V t, long count, V *u) {
     for (long k = 0; k < I->held; k++) u[I->nu - I->held + k] = v_all(I->state->side[k]);
+    I->state->written++;
     return own_inputs_at(I, t, count, u);
 }
 

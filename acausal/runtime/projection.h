@@ -4,6 +4,7 @@
 static int give_to_projection(Integrator *I, double t, const double *masks) {
     V *u = I->state->projection_in + 1 + I->nx, *last = u + I->nu - I->held;
     for (long k = 0; k < I->masks; k++) last[k] = v_all(masks[k]);
+    I->state->written++;
     return led_by(I, v_all(t), 1, u);
 }
 

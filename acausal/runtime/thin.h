@@ -31,8 +31,10 @@ struct Programs {
 struct Thin {
     struct Programs *of; /* those that `now` is one of */
     struct ThinMode *now;
-    V *masks; /* of `now`, the same in all lanes */
+    double *sides; /* of the masks of `now` */
     signed char *key;
+    const V *in; /* whose masks were last found to be those of `now` */
+    long written; /* and how often masks had been written anywhere by then */
 };
 
 #define NAME_OF(name, result) OP_##name,
@@ -408,7 +410,7 @@ static int make_thin(Integrator *I) {
     struct State *T = I->state;
     if (I->block || I->counted) return 1;
     struct Thin *H = reserve(I, sizeof(struct Thin));
-    if (!H || !(H->key = reserve(I, (size_t)I->masks + 1)) || !(H->masks = reserve_lanes(I, I->masks))) return 0;
+    if (!H || !(H->key = reserve(I, (size_t)I->masks + 1)) || !(H->sides = reserve_doubles(I, I->masks))) return 0;
     T->thin = H;
     return 1;
 }
@@ -462,7 +464,7 @@ static void look_up_mode(const Integrator *I, const V *masks) {
     struct Thin *H = I->state->thin;
     for (long k = 0; k < I->masks; k++) {
         double side = masks[k][0];
-        H->masks[k] = masks[k];
+        H->sides[k] = side;
         H->key[k] = side == 0 ? 0 : side == 1 ? 1 : side == -1 ? -1 : 2;
     }
     struct Programs *P = I->programs;
@@ -484,11 +486,15 @@ static void look_up_mode(const Integrator *I, const V *masks) {
     memcpy(new->masks, H->key, (size_t)I->masks);
 }
 
-/* Whether masks are those of `now`: asked before each kernel. */
-static int are_those_of_now(const struct Thin *H, const V *masks, long count) {
-    Mask other = {0};
-    for (long k = 0; k < count; k++) other |= masks[k] != H->masks[k];
-    return H->now && !i_any(other);
+/* Looks at the masks of `in`, unless nothing can have changed since: asked before each kernel. */
+static void follow_masks(Integrator *I, const V *in, long first) {
+    struct Thin *H = I->state->thin;
+    if (H->now && in == H->in && H->written == I->state->written) return;
+    int other = !H->now;
+    for (long k = 0; k < I->masks; k++) other |= in[first + k][0] != H->sides[k];
+    if (other) look_up_mode(I, in + first);
+    H->in = in;
+    H->written = I->state->written;
 }
 
 /* The mode of the masks at `in`, the same in all lanes, if its program is to be carried out; null: the kernel itself is to be taken. */
@@ -497,7 +503,7 @@ static struct ThinMode *thin_mode(Integrator *I, enum Masked which, const V *in)
     long first = 1 + I->nx + I->nu - I->held;
     struct Programs *P = programs_of(I);
     if (!P) return 0;
-    if (!are_those_of_now(H, in + first, I->masks)) look_up_mode(I, in + first);
+    follow_masks(I, in, first);
     struct ThinMode *now = H->now;
     const Kernel *k = kernel_with_masks(I, which);
     P->calls++;
@@ -522,7 +528,7 @@ static int is_still(const Integrator *I) {
     const struct Thin *H = I->state->thin;
     if (!H || !H->now || H->of != I->programs || !H->now->still) return 0;
     for (long k = 0; k < I->masks; k++)
-        if (H->masks[k][0] != I->state->side[k]) return 0;
+        if (H->sides[k] != I->state->side[k]) return 0;
     return 1;
 }
 
