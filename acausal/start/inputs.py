@@ -38,7 +38,9 @@ def input_signal(functions: Functions, inputs: Mapping[Input, InputValue]) -> In
         most[own] = max(order, most.get(own, 0))
     return Inputs(
         tuple(
-            _of_order(order, own, most[own], inputs.get(own, own.default), functions.outputs.name(entry), own in led)
+            _of_order(order, own, most[own], inputs[own], functions.outputs.name(entry), own in led)
+            if own in inputs
+            else _default(own, order)
             for entry, (own, order) in zip(known, owned, strict=True)
         )
     )
@@ -84,6 +86,10 @@ def _of_order(order: int, own: Input, wanted: int, value: InputValue, name: str,
         return _course(value, name, wanted)
     why = "stands in nonlinear equations, whose solution follows it" if led else f"prescribes {_PRESCRIBED[wanted]}"
     return _rate(value, name, order, f"the function of time of {own.name} ({origin()})", wanted, why)
+
+
+def _default(own: Input, order: int) -> float:
+    return 0.0 if order else own.default
 
 
 def _own(entry: Input) -> tuple[Input, int]:
