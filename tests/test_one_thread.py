@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import gc
 import threading
 
 import pytest
 
+import acausal as ac
+from acausal.errors import ModelError
 from acausal.numerics import one_thread
 from acausal.numerics.one_thread import on_one_thread
+from acausal.numerics.uncollected import uncollected
 
 
 @pytest.fixture(autouse=True)
@@ -63,3 +67,19 @@ def test_as_long_as_anybody_is_within(two_threads) -> None:
     leave.set()
     thread.join()
     assert two_threads() == outside
+
+
+def test_garbage_is_collected_again_after_building_and_only_where_it_was() -> None:
+    for before in (True, False):
+        (gc.enable if before else gc.disable)()
+        try:
+            with uncollected:
+                with uncollected:
+                    assert not gc.isenabled()
+                assert not gc.isenabled()
+            assert gc.isenabled() is before
+            with pytest.raises(ModelError):
+                ac.build(ac.System())
+            assert gc.isenabled() is before
+        finally:
+            gc.enable()

@@ -14,6 +14,7 @@ import numpy as np
 from acausal.emit.statements import ANSWER, BINARY, LEAVES, UNARY, Statements, Value, statements
 from acausal.emit.statements import SYSTEM as SYSTEM_VALUE
 from acausal.numerics.staged import Function, LinearSystem
+from acausal.numerics.uncollected import uncollected
 
 END, LOAD, STORE, NUMBER, SINCOS = range(5)
 CODES = {code: k for k, code in enumerate((*UNARY, *BINARY), 5)}
@@ -56,6 +57,7 @@ _step: Callable[[type[_Step], tuple[Any, ...]], _Step] = tuple.__new__
 """A step of all it has: there are tens of thousands."""
 
 
+@uncollected
 def program(function: Function, name: str, lanes: int, *, parameters: tuple[int, ...] = ()) -> Program:
     """The program of a function. `parameters`: numbers of the arguments that seldom change.
 

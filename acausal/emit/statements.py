@@ -11,6 +11,7 @@ import numpy as np
 
 from acausal.errors import ExportError
 from acausal.numerics.staged import Function, LinearSystem, systems_of
+from acausal.numerics.uncollected import uncollected
 
 UNARY = tuple(
     getattr(ca, f"OP_{name}")
@@ -71,6 +72,7 @@ class Statements:
         return {a: (sines[a], cosines[a]) for a in sines if a in cosines}
 
 
+@uncollected
 def statements(function: Function, name: str, parameters: tuple[int, ...] = ()) -> Statements:
     """The statements of a function. `parameters`: numbers of the arguments that seldom change.
 
@@ -105,24 +107,27 @@ def _with_systems(
     """Values and results of which the inputs from `inputs` on have become answers, and the results from `outputs` on operands: what needs a system stands behind it."""
     begins = inputs + np.cumsum([0, *(system.answers for system in systems)])
     stage: list[int] = []  # number of the first system that is needed, counted from behind: 0 for none
-    for value in values:
-        own = (
-            int(np.searchsorted(begins, value.place, side="right")) if value.code == ca.OP_INPUT and value.place >= inputs else 0
-        )
-        stage.append(max((stage[a] for a in value.args), default=own))
+    for code, args, _, place in values:
+        own = int(np.searchsorted(begins, place, side="right")) if code == ca.OP_INPUT and place >= inputs else 0
+        for a in args:
+            if stage[a] > own:
+                own = stage[a]
+        stage.append(own)
+    staged: list[list[int]] = [[] for _ in range(len(systems) + 1)]
+    for i, k in enumerate(stage):
+        staged[k].append(i)
     found: list[Value] = []
-    new: dict[int, int] = {}
+    new = [0] * len(values)
     of_result = dict(results)
     at, system = outputs, -1
-    for k in range(len(systems) + 1):
-        for i, value in enumerate(values):
-            if stage[i] != k:
-                continue
+    for k, members in enumerate(staged):
+        for i in members:
+            code, args, number, place = values[i]
             new[i] = len(found)
-            if value.code == ca.OP_INPUT and k:
-                found.append(Value(ANSWER, (system,), 0.0, value.place - int(begins[k - 1])))
+            if code == ca.OP_INPUT and k:
+                found.append(Value(ANSWER, (system,), 0.0, place - int(begins[k - 1])))
             else:
-                found.append(value._replace(args=tuple(new[a] for a in value.args)))
+                found.append(_new(Value, (code, tuple([new[a] for a in args]), number, place)))
         if k < len(systems):
             system = len(found)
             found.append(Value(SYSTEM, tuple(new[of_result[at + j]] for j in range(systems[k].operands)), 0.0, k))

@@ -7,13 +7,9 @@ from __future__ import annotations
 import ctypes
 import functools
 import sys
-import threading
 from collections.abc import Callable
-from types import TracebackType
-from typing import ParamSpec, TypeVar
 
-P = ParamSpec("P")
-T = TypeVar("T")
+from acausal.numerics.within import Within
 
 _NAMES = ("scipy_openblas_{}_num_threads64_", "openblas_{}_num_threads64_", "openblas_{}_num_threads")
 """Of OpenBLAS in numpy's wheels since 2.0, in those before, and elsewhere."""
@@ -35,37 +31,24 @@ def _threads() -> tuple[Callable[[], int], Callable[[int], None]] | None:
     return None
 
 
-class _OneThread:
-    """As long as anybody is within, in whatever thread."""
+class _Threads:
+    """One, and afterwards as many as before."""
 
     def __init__(self) -> None:
-        self._lock, self._within, self._before = threading.Lock(), 0, 1
+        self._before = 1
 
-    def __call__(self, function: Callable[P, T]) -> Callable[P, T]:
-        """The function, within."""
-
-        @functools.wraps(function)
-        def within(*given: P.args, **named: P.kwargs) -> T:
-            with self:
-                return function(*given, **named)
-
-        return within
-
-    def __enter__(self) -> None:
+    def begin(self) -> None:
         found = _threads()
-        with self._lock:
-            self._within += 1
-            if self._within == 1 and found is not None:
-                self._before = found[0]()
-                found[1](1)
+        if found is not None:
+            self._before = found[0]()
+            found[1](1)
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def end(self) -> None:
         found = _threads()
-        with self._lock:
-            self._within -= 1
-            if not self._within and found is not None:
-                found[1](self._before)
+        if found is not None:
+            found[1](self._before)
 
 
-on_one_thread = _OneThread()
+_own = _Threads()
+on_one_thread = Within(_own.begin, _own.end)
 """Around functions, or in `with`; may be nested."""
