@@ -739,6 +739,7 @@ struct Landing {
 static double landing(Integrator *I, const Stages *S, double h, struct Landing *L);
 static enum Code go_over(Integrator *I, const struct Landing *L);
 static enum Code decide_here(Integrator *I);
+static int jams(Integrator *I, double planned);
 
 /* After a step, at the end of which a switch may go over. */
 static enum Code finish_step(Integrator *I, const struct Landing *L) {
@@ -805,7 +806,11 @@ static enum Code one_adaptive(Integrator *I) {
         double planned = I->h, h = fmin(I->h, I->end - I->t), contraction;
         if (I->max_step > 0) h = fmin(h, I->max_step);
         if (L.row < 0 && I->end - I->t - h < (I->max_step > 0 ? 1e-9 : 1e-3) * h) h = I->end - I->t;
-        if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-12) || (refused > 0 && is_lost(I, S, h))) return failed_at(I, STEP_UNDERFLOW);
+        if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-12) || (refused > 0 && is_lost(I, S, h))) {
+            if (!jams(I, first)) return failed_at(I, STEP_UNDERFLOW);
+            L.row = refused = -1;
+            continue;
+        }
         int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
         if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;
         int solved = solve_stages(I, S, h, LEFT, &contraction);

@@ -24,6 +24,8 @@
 #define REFINED 3      /* times that impulses are solved for, what they leave open last */
 #define CLOSING 1e-9   /* of the slips: a speed of closing that is as good as none */
 #define ENDED 1e-6     /* of the slips met: what is left of slips that end all at once where no mode lasts */
+#define TURNS 8        /* directions in which it is looked for how what jams is stopped */
+#define FIRST_PART 1e-6 /* of the slip, by which it is led to where it jams, at least */
 #define UNSETTLED 20   /* changes of mode in one instant, from which on they do */
 
 /* Rows that touch and leave so slowly that gaps do not tell it are held where they are. What happens instead, a bounce, loses the time until it is over, and the
@@ -160,6 +162,42 @@ static enum Code has_one_answer(Integrator *I, const Decision *D, Room R) {
     return REACHED_END;
 }
 
+/* Rates of what takes part by its law, no others: `start` (n). */
+static void take_part(const Decision *D, const long *law, double *start) {
+    memcpy(start, D->rate, sizeof(double) * (size_t)D->n);
+    for (long i = 0; i < D->gaps; i++)
+        if (law[i] == OFF) start[i] = 0;
+    for (long f = 0; f < D->frictions; f++)
+        for (long k = 0; k < rows_of(D, f) && law[D->gaps + f] == OFF; k++) start[row_of(D, f) + k] = 0;
+}
+
+/* Impulses that stop what slips, as if it were alone, or turn it: Newton's iteration begins with them, until it comes to an answer. Whether there is one. */
+static int stop_slips(Problem *p, Room R) {
+    const Decision *D = p->D;
+    const double large[] = {4, 1.2, 20}; /* times the normal impulse that is needed */
+    double damping = p->damping;
+    p->damping = 0;
+    for (int k = 0; k < 3 * TURNS; k++) {
+        double angle = PI * (k % TURNS) / TURNS * (k % 2 ? 2 : -2);
+        memset(R.push, 0, sizeof(double) * (size_t)D->n);
+        memset(R.centre, 0, sizeof(double) * (size_t)D->n);
+        for (long f = 0; f < D->frictions; f++)
+            for (long i = 0, at = row_of(D, f); i < D->gaps && R.asked[D->gaps + f] == MAY_HOLD; i++) {
+                if (R.asked[i] == OFF || D->slide_by[f * D->n + i] == 0) continue;
+                double u = -p->start[at] / unit_of(own_of(D, at)), v = rows_of(D, f) == 2 ? -p->start[at + 1] / unit_of(own_of(D, at + 1)) : 0;
+                R.push[at] = cos(angle) * u - sin(angle) * v;
+                if (rows_of(D, f) == 2) R.push[at + 1] = sin(angle) * u + cos(angle) * v;
+                R.push[i] = large[k / TURNS] * sqrt(u * u + v * v) / D->slide_by[f * D->n + i];
+            }
+        memcpy(R.law, R.asked, sizeof(long) * (size_t)(D->gaps + D->frictions));
+        if (!newton_of_laws(p, R.asked)) continue;
+        find_rates(p);
+        if (answers(p)) return 1;
+    }
+    p->damping = damping;
+    return 0;
+}
+
 /* Where friction that slips leaves no acceleration that is possible, what jams is stopped by an impact, plastic, though nothing closes with speed (Genot and Brogliato,
    European Journal of Mechanics A 18, 1999): that of a speed of closing that goes to zero, whose impulses do not. Whether there is one. */
 static int strike_without_closing(Integrator *I, Room R) {
@@ -178,19 +216,27 @@ static int strike_without_closing(Integrator *I, Room R) {
             if (R.touching[i] && D.slide_by[f * n + i] != 0) *law = MAY_HOLD;
         for (long k = row_of(&D, f); k < row_of(&D, f) + rows_of(&D, f) && *law == MAY_HOLD; k++) fast = fmax(fast, fabs(D.rate[k]) / unit_of(own_of(&D, k)));
     }
-    memcpy(start, D.rate, sizeof(double) * (size_t)n);
+    take_part(&D, R.law, start);
     for (long i = 0; i < n; i++) /* what closes a little later, if nothing acts */
         if (R.law[i < D.gaps ? i : 0] != OFF || i >= D.gaps) most = fmax(most, fabs(D.free[i]) / unit_of(own_of(&D, i)));
-    for (long i = 0; i < n && most > 0; i++) start[i] = (i < D.gaps ? 0 : D.rate[i]) + CLOSING * fast / most * D.free[i];
+    for (long i = 0; i < n && most > 0; i++) start[i] = (i < D.gaps ? 0 : start[i]) + CLOSING * fast / most * D.free[i];
     most = 0;
-    if (!complementary(&p, R.place, T->lemke, T->basis)) return 0;
-    memcpy(start, D.rate, sizeof(double) * (size_t)n);
     memcpy(R.asked, R.law, sizeof(long) * (size_t)laws);
+    int stopped = T->jams && stop_slips(&p, R);
+    if (!stopped) {
+        memcpy(R.law, R.asked, sizeof(long) * (size_t)laws);
+        if (!complementary(&p, R.place, T->lemke, T->basis)) return 0;
+    }
+    take_part(&D, R.asked, start);
     memcpy(R.centre, R.push, sizeof(double) * (size_t)n);
-    if (!newton_of_laws(&p, R.asked)) return 0;
+    memcpy(T->blow, R.push, sizeof(double) * (size_t)n);
+    if (!newton_of_laws(&p, R.asked)) {
+        if (!stopped) return 0;
+        memcpy(R.push, T->blow, sizeof(double) * (size_t)n);
+    }
     find_rates(&p);
     for (long i = 0; i < n; i++) most = fmax(most, fabs(R.push[i]) * unit_of(own_of(&D, i)));
-    if (!answers(&p) || !(most > NIL * fast)) return 0;
+    if ((!stopped && !answers(&p)) || !(most > NIL * fast)) return 0;
     for (long j = 0; j < n; j++) T->impulse[j] += R.push[j];
     for (long i = 0; i < I->nx; i++)
         for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * R.push[j];
@@ -199,6 +245,30 @@ static int strike_without_closing(Integrator *I, Room R) {
     if (!decision_at(I, I->t, I->x, &D)) return 0;
     look_at_slips(I, &D, R, -1, R.before);
     return 1;
+}
+
+/* Slip in a plane that turns until what presses grows beyond all bounds, which takes no time any more, is led there by impulses, as all accelerates. Whether there is such slip. */
+static int lead_to_jam(Integrator *I, const Decision *D, Room R) {
+    struct State *T = I->state;
+    long n = D->n;
+    for (long k = D->lines * D->gaps; k < D->frictions * D->gaps; k++) {
+        long f = k / D->gaps, gap = k % D->gaps, i = row_of(D, f), size = rows_of(D, f);
+        double *e = R.along + 3 * f, was[3], pace = size_of(D, f, R.rate);
+        if (R.touching[D->gaps + f] != 2 || R.law[D->gaps + f] != AGAINST || R.law[gap] != HOLDS || D->slide_by[f * n + gap] == 0 || !(yield_of(D, R, gap) > 0)) continue;
+        memcpy(was, e, sizeof was);
+        for (double part = FIRST_PART; part < 1; part *= 2) {
+            double time = part * size_of(D, f, D->rate) / pace, next[3] = {0, 0, 0};
+            for (long m = 0; m < size; m++) next[m] = D->rate[i + m] + time * R.rate[i + m];
+            against(D, f, next, e);
+            if (yield_of(D, R, gap) > 0) continue;
+            for (long j = 0; j < n; j++) T->impulse[j] += time * R.push[j];
+            for (long q = 0; q < I->nx; q++)
+                for (long j = 0; j < n; j++) I->x[q] += D->J[q * n + j] * time * R.push[j];
+            return 1;
+        }
+        memcpy(e, was, sizeof was);
+    }
+    return 0;
 }
 
 /* Slips that are nothing beside how fast all is, and that leave no acceleration that is possible: they are zero. Whether there are such. */
@@ -350,6 +420,21 @@ static int stay_beside(Integrator *I, Decision *D, Room R) {
     return decision_at(I, I->t, I->x, D);
 }
 
+/* Slip that jams is led there and stopped. REACHED_END, NO_MODE where it does not jam, or INPUT_FAILED. */
+static enum Code stop_jam(Integrator *I, Decision *D, Room R, double planned) {
+    enum Code code = decide_accelerations(I, R, planned);
+    if (code != REACHED_END) return code;
+    if (!decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
+    look_at_slips(I, D, R, -1, 0);
+    if (!lead_to_jam(I, D, R)) return NO_MODE;
+    if (!decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
+    look_at_slips(I, D, R, -1, 0);
+    if (!strike_without_closing(I, R)) return NO_MODE;
+    if (!decision_at(I, I->t, I->x, D) || !stay_beside(I, D, R)) return INPUT_FAILED;
+    look_at_slips(I, D, R, -1, R.before);
+    return REACHED_END;
+}
+
 /* All rows are decided at (t, x): impacts, then modes. `row`: the guard of masks that has become negative, -1: none in particular. */
 static enum Code decide_reactions(Integrator *I, long row, double planned) {
     struct State *T = I->state;
@@ -380,6 +465,10 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     look_at_slips(I, &D, R, row, 0);
     if (T->changes > UNSETTLED && !I->directions) end_small_slips(&D, R);
     memset(T->impulse, 0, sizeof(double) * (size_t)n);
+    if (T->jams) {
+        enum Code stopped = stop_jam(I, &D, R, planned);
+        if (stopped != REACHED_END) return stopped;
+    }
     if (impacts) {
         I->worst = row >= 0 && row < gaps ? row : 0;
         enum Code struck = impact(I, &D, R);
@@ -392,13 +481,13 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         if (!decision_at(I, I->t, I->x, &D) || !stay_beside(I, &D, R)) return INPUT_FAILED;
         look_at_slips(I, &D, R, -1, R.before);
         note_strength(I, &D, R);
-    } else {
+    } else if (!T->jams) {
         note_between(I, row);
     }
     double *rate = R.compressed;
     memcpy(rate, D.rate, sizeof(double) * (size_t)n);
     for (long i = 0; i < gaps; i++) { /* open, if it bounces */
-        leaves[i] = R.touching[i] && rate[i] > (impacts ? fmax(D.rate_noise[i], NIL * fabs(R.before[i])) : least_rate(I, &D, i, D.free[i]));
+        leaves[i] = R.touching[i] && rate[i] > (impacts || T->jams ? fmax(D.rate_noise[i], NIL * fabs(R.before[i])) : least_rate(I, &D, i, D.free[i]));
         if (leaves[i]) R.touching[i] = 0;
     }
     enum Code code = decide_accelerations(I, R, planned);
@@ -466,7 +555,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
     if (!note_transition(I, row)) return OUT_OF_MEMORY;
     if (row == BRIDGE) end_bridge(I);
-    else if ((impacts || lifted) && !keep_straight(I, 0)) return OUT_OF_MEMORY;
+    else if ((impacts || lifted || T->jams) && !keep_straight(I, 0)) return OUT_OF_MEMORY;
     return REACHED_END;
 }
 

@@ -378,3 +378,14 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
     T->crossed = 0;
     return REACHED_END;
 }
+
+/* Where steps fall to rounding since slip jams, it is stopped by an impact. Whether it was so. */
+static int jams(Integrator *I, double planned) {
+    int slides = 0;
+    for (long f = I->lines; f < frictions_of(I); f++) slides |= I->state->side[mask_of(I, f)] != 1;
+    if (!slides || I->directions) return 0;
+    I->state->jams = 1;
+    enum Code code = decide_modes(I, -1, planned);
+    I->state->jams = 0;
+    return code == REACHED_END && first_step(I);
+}
