@@ -11,8 +11,8 @@ from acausal.outputs.functions import Functions
 from acausal.reduce.modes import Modes
 from acausal.simulate.trajectory import Trajectory
 
-_NEARLY = 1e-6
-"""Of the critical coefficient: so near to it forces grow beyond bounds within a rounding of time."""
+_NEARLY = 1e-2
+"""Of the critical coefficient: so near to it forces grow beyond bounds in no time."""
 
 
 @dataclass(frozen=True)
