@@ -37,6 +37,7 @@ from components import (
     Viscous,
     World,
 )
+from components.geometry.surfaces import AbstractSurface
 from tests.test_guides import on
 
 G = 9.81
@@ -56,6 +57,33 @@ def test_a_ball_meets_a_plane_as_hertz_says():
     assert abs(-run[scene.guide.gap].min() / depth - 1) < 1e-3  # of samples
     assert abs((run.t[-1] - run[scene.guide.gap][-1].item() / speed) / time - 1) < 1e-9
     assert abs(run[frame.velocity][-1, 2] / speed - 1) < 1e-9
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("ground", [Plane(), HeightField(lambda x, y: 0.0 * x)], ids=["closed form", "followed"])
+def test_what_just_touches_begins_whatever_the_length_of_the_run(ground: AbstractSurface, size: float):
+    """A ball with its mass beside its middle, laid down on a ground that yields, against Newton's and Euler's laws: 1.5 of a depth is a law that ends there."""
+    m, r, k = 2.0, 0.1 * size, 2.0 * G / (1e-3 * size) ** 1.5
+    J, c, seconds = (
+        size**2 * np.array([0.01, 0.015, 0.02]),
+        size * np.array([0.01, -0.02, -0.03]),
+        np.geomspace(5e-3, 0.5, 20) * np.sqrt(size),
+    )
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        height, R, speed, w = y[0], y[1:10].reshape(3, 3), y[10], y[11:]
+        push = k * max((R @ c)[2] - height, 0.0) ** 1.5  # of the centre of mass over where the middle was
+        turn = np.cross(R, w)  # each row of R times the matrix of w
+        return np.hstack([speed, turn.ravel(), push / m - G, (np.cross(-c, push * R[2]) - np.cross(w, J * w)) / J])
+
+    begin = np.hstack([c[2], np.eye(3).ravel(), np.zeros(4)])
+    exact = solve_ivp(rate, (0, seconds[-1]), begin, "DOP853", seconds, rtol=1e-12, atol=1e-15)
+    scene = on(Contact(Sphere(r), ground, HuntCrossley(k)), RigidBody(m, np.diag(J), c), (0, 0, -G))
+    model, frame = ac.build(scene), scene.body.frame
+    for n, time in enumerate(seconds):
+        run = model.simulate(time, {frame.position: (0, 0, r), frame.rotation: np.eye(3)}, rtol=1e-9)
+        assert run[scene.body.centre.position][-1, 2] - r == pytest.approx(exact.y[0, n], abs=1e-8 * size)
+        assert run[frame.rotation][-1].ravel() == pytest.approx(exact.y[1:10, n], abs=1e-8)
 
 
 def test_a_damped_impact_loses_what_its_law_says():

@@ -5,18 +5,25 @@
 
 #define SAMPLES 8
 #define ENLARGED 0x1p-40
+#define LESS 0x1p-5        /* of it, where a law ends so near that disturbed values leave it, */
+#define LEAST_PART 0x1p-50 /* down to little more than what rounding is */
 
 typedef unsigned long long Words __attribute__((vector_size(8 * LANES)));
 
-/* Lane by lane 1 + a random part of `ENLARGED`. */
-INLINE V chance(Words *draw) {
-    *draw = *draw * 6364136223846793005ULL + 1442695040888963407ULL;
-    return v_all(1.0) + v_all(2 * ENLARGED) * ((V)((*draw >> 12) | 0x3ff0000000000000ULL) - v_all(1.5));
+struct Draw {
+    Words words;
+    double part; /* of a value, by which it is disturbed at most */
+};
+
+/* Lane by lane 1 + a random part. */
+INLINE V chance(struct Draw *draw) {
+    draw->words = draw->words * 6364136223846793005ULL + 1442695040888963407ULL;
+    return v_all(1.0) + v_all(2 * draw->part) * ((V)((draw->words >> 12) | 0x3ff0000000000000ULL) - v_all(1.5));
 }
-INLINE Pair rounded_pair(V first, V second, Words *draw) { return (Pair){first, second * chance(draw)}; }
+INLINE Pair rounded_pair(V first, V second, struct Draw *draw) { return (Pair){first, second * chance(draw)}; }
 INLINE Pair same_pair(V x) { return (Pair){x, x}; }
-INLINE Pair pair_add(Pair a, Pair b, Words *draw) { return rounded_pair(a.hi + b.hi, a.lo + b.lo, draw); }
-INLINE Pair pair_mul(Pair a, Pair b, Words *draw) { return rounded_pair(a.hi * b.hi, a.lo * b.lo, draw); }
+INLINE Pair pair_add(Pair a, Pair b, struct Draw *draw) { return rounded_pair(a.hi + b.hi, a.lo + b.lo, draw); }
+INLINE Pair pair_mul(Pair a, Pair b, struct Draw *draw) { return rounded_pair(a.hi * b.hi, a.lo * b.lo, draw); }
 
 #define EXACTLY(f) (Pair){f(A.hi), f(A.lo)}
 #define EXACTLY_TWO(f) (Pair){f(A.hi, B.hi), f(A.lo, B.lo)}
@@ -46,7 +53,7 @@ INLINE Pair pair_mul(Pair a, Pair b, Words *draw) { return rounded_pair(a.hi * b
 #define OF_OUTSIDE(x) (x)
 #define TO_OUTSIDE(x) (x)
 #define OF_NUMBER same_pair
-#define ALONG , Words *draw
+#define ALONG , struct Draw *draw
 #define SINCOS DISTURBED_SINCOS
 #define TABLE DISTURBED
 #define SYSTEM(at, n, m, damped) ((void)0)
@@ -92,18 +99,27 @@ static const Kernel *disturbed_kernel(Integrator *I, int which) {
     return k->program && make_pairs(I, k) ? k : 0;
 }
 
-/* Into `found` what rounding makes of the results of a program (t, x, u, p), x being known to rounding of `size`. 0 when the input function failed. */
-static int rounding_of(Integrator *I, const Kernel *k, double t, const double *x, const double *size, double *found) {
+static int true_sides(Integrator *I, double t, const double *x);
+
+/* Whether rates have no value since switches are held beyond the end of a law; then those of the true sides are taken, as `rates_at` does. */
+static int held_too_far(Integrator *I, const Kernel *k, double t, const double *x, Pair *u) {
+    long sides = I->held - I->masks;
+    if (k != &I->disturbed_rhs || !sides || !true_sides(I, t, x)) return 0;
+    for (long j = 0; j < sides; j++) u[I->nu - sides + j] = same_pair(I->state->sides_out[j]);
+    return 1;
+}
+
+enum Lost { NONE_LOST, DISTURBED_LOST, VALUES_LOST };
+
+/* Into `found` the largest changes of the results, where each value is disturbed by this `part`; what of them has no value: only disturbed ones, or others too. */
+static enum Lost disturb(Integrator *I, const Kernel *k, double t, const double *x, const double *size, double part, double *found) {
     struct State *T = I->state;
     Pair *in = (Pair *)(void *)T->pair_in, *out = (Pair *)(void *)T->pair_out;
-    V *u = T->disturbed;
-    if (!inputs_at(I, v_all(t), 1, u)) return 0;
-    for (long i = 0; i < I->nu; i++) in[1 + I->nx + i] = same_pair(v_all(u[i][0]));
-    for (long i = 0; i < I->np; i++) in[1 + I->nx + I->nu + i] = same_pair(v_all(I->parameters[i]));
+    enum Lost lost = NONE_LOST;
     for (long i = 0; i < k->outputs; i++) found[i] = 0;
     for (long first = 0; first < SAMPLES; first += LANES) {
-        Words draw = {0};
-        for (long l = 0; l < LANES; l++) draw[l] = (unsigned long long)(first + l + 1) * 0x9e3779b97f4a7c15ULL;
+        struct Draw draw = {.part = part};
+        for (long l = 0; l < LANES; l++) draw.words[l] = (unsigned long long)(first + l + 1) * 0x9e3779b97f4a7c15ULL;
         in[0] = rounded_pair(v_all(t), v_all(t), &draw);
         for (long i = 0; i < I->nx; i++) in[1 + i] = (Pair){v_all(x[i]), v_all(x[i]) + v_all(size[i]) * (chance(&draw) - v_all(1.0))};
         interpret_disturbed(k->preparation, in, T->pair_frame, out, &draw);
@@ -111,10 +127,27 @@ static int rounding_of(Integrator *I, const Kernel *k, double t, const double *x
         for (long i = 0; i < k->outputs; i++)
             for (long l = 0; l < LANES; l++) {
                 double change = fabs(out[i].lo[l] - out[i].hi[l]);
+                if (isnan(out[i].hi[l])) lost = VALUES_LOST;
+                else if (isnan(change) && lost == NONE_LOST) lost = DISTURBED_LOST;
                 if (!(change <= found[i]) && !isnan(found[i])) found[i] = change;
             }
     }
-    for (long i = 0; i < k->outputs; i++) found[i] = isfinite(found[i]) ? found[i] * (EPS / ENLARGED) : NAN;
+    for (long i = 0; i < k->outputs; i++) found[i] = isfinite(found[i]) ? found[i] * (EPS / part) : NAN;
+    return lost;
+}
+
+/* Into `found` what rounding makes of the results of a program (t, x, u, p), x being known to rounding of `size`. 0 when the input function failed. */
+static int rounding_of(Integrator *I, const Kernel *k, double t, const double *x, const double *size, double *found) {
+    struct State *T = I->state;
+    Pair *in = (Pair *)(void *)T->pair_in;
+    V *u = T->disturbed;
+    if (!inputs_at(I, v_all(t), 1, u)) return 0;
+    for (long i = 0; i < I->nu; i++) in[1 + I->nx + i] = same_pair(v_all(u[i][0]));
+    for (long i = 0; i < I->np; i++) in[1 + I->nx + I->nu + i] = same_pair(v_all(I->parameters[i]));
+    double part = ENLARGED;
+    enum Lost lost = disturb(I, k, t, x, size, part, found);
+    if (lost == VALUES_LOST && held_too_far(I, k, t, x, in + 1 + I->nx)) lost = disturb(I, k, t, x, size, part, found);
+    while (lost == DISTURBED_LOST && part > LEAST_PART) lost = disturb(I, k, t, x, size, part *= LESS, found);
     return 1;
 }
 
