@@ -608,20 +608,25 @@ static int goes_ahead(Integrator *I, double *ahead, const double *found) {
     }
 }
 
+#define NEIGHBOURS 16 /* how far it is followed what states that are nothing but rounding make of others */
+
 /* Where steps are rejected again and again, states may be nothing but rounding, which disturbing them does not show: at rest in zero,
    or in an equilibrium. 1 where that explains it, -1 when the input function failed. */
 static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, double reach, int beside) {
     struct State *T = I->state;
-    double *found = T->most, *rate = T->factor;
-    int explains = 0;
+    double *found = T->most, *rate = T->factor, *there = T->apart;
+    int explains = 0, more = 1;
     memcpy(T->before, I->x, sizeof(double) * (size_t)I->nx);
     double ahead = SOON * h;
-    for (int later = 0; later < 2; later++) { /* a little later states are looked at that are zero at first */
-        double t = I->t + later * ahead;
+    for (int later = 0; later < 2 || (more && later < NEIGHBOURS); later++) { /* a little later states are looked at that are zero at first */
+        double t = I->t + (later ? ahead : 0);
+        more = 0;
         if (!rate_at(I, t, T->before, rate) || !rounding_of_rates(I, disturbed, t, T->before, h, found)) return -1;
+        if (later && !rate_at(I, t, there, T->rate)) return -1;
         double until = later ? 0 : fmin(SOON * pace_of(I, rate, found), reach);
         for (long i = 0; i < I->nx; i++) {
-            double noise = FEW * found[i];
+            /* what is a product of others is known as badly as these are */
+            double noise = FEW * found[i] + (later && T->size[i] == 0 ? fabs(rate[i] - T->rate[i]) : 0);
             /* what nothing but rounding moves is worth no more than what that makes of it until the motion is another: short steps do not show that */
             if (!beside && noise > MOSTLY * fabs(rate[i]) && until * noise > fmax(fmax(T->unit, SMALL) * T->size[i], 2 * T->known[i]) && isfinite(noise) && T->size[i] > 0) {
                 T->known[i] = until * noise;
@@ -630,12 +635,15 @@ static int rests_on_rounding(Integrator *I, const Kernel *disturbed, double h, d
             int is_noise = T->size[i] > 0 ? h * noise > fmax(T->unit, SMALL) * T->size[i] : later && noise > SMALL * fabs(rate[i]);
             if (noise > T->least[i] && is_noise && isfinite(noise) && !(beside && T->size[i] > 0)) {
                 T->least[i] = 2 * noise;
-                explains = 1;
+                explains = more = 1;
             }
-            /* what is a product of others is known as badly as these are */
             T->increment[i] = rate[i] + (isfinite(noise) ? drawn(i) & 1 ? noise : -noise : 0);
         }
         if (!later && !goes_ahead(I, &ahead, found)) return -1;
+        for (long i = 0; i < I->nx; i++) {
+            if (later) T->before[i] = there[i] + (drawn(i) & 1 ? ahead : -ahead) * T->least[i];
+            else there[i] = I->x[i] + ahead * rate[i];
+        }
     }
     if (!beside && !spread_rounding(I, reach)) return -1;
     T->doubts = 0;
