@@ -19,6 +19,7 @@ from acausal.moved import answer_to_old_names
 from acausal.parts import curvilinear, rotations
 from acausal.simulate.events import Event
 from acausal.start.initial import exactly, near
+from acausal.wording import nearest
 
 if TYPE_CHECKING:
     from acausal.analysis.feedback import kalman, lqr
@@ -100,7 +101,10 @@ _LATER = {
 
 def __getattr__(name: str) -> Any:
     if name not in _LATER:
-        raise AttributeError(f"module 'acausal' has no attribute '{name}'")
+        import numpy
+
+        hint = f" That of numpy takes expressions: np.{name}(...)." if hasattr(numpy, name) else nearest(name, __all__)
+        raise AttributeError(f"module 'acausal' has no attribute '{name}'.{hint}")
     found = globals()[name] = getattr(importlib.import_module(_LATER[name]), name)
     return found
 

@@ -93,8 +93,12 @@ def test_what_is_read_of_a_tumbling_body_is_what_scipy_reads():
 
 
 @pytest.mark.parametrize(
-    "way", [("intrinsic zxz", (0.3, 0.4, 0.5)), Rotation.from_euler("ZXZ", (0.3, 0.4, 0.5)), ("rodrigues", (0.1, 0.4, 0.2))]
-)
+    "way",
+    [
+        ("intrinsic zxz", (0.3, 0.4, 0.5)), Rotation.from_euler("ZXZ", (0.3, 0.4, 0.5)), ("rodrigues", (0.1, 0.4, 0.2)),
+        rotations.axis_angle((1, 2, 0), 0.4) @ rotations.euler("intrinsic zxz", (0.3, 0.4, 0.5)),
+    ],
+)  # fmt: skip
 def test_a_start_takes_a_rotation_in_any_way(way):
     scene = tumbling()
     model = ac.build(scene)

@@ -93,6 +93,8 @@ class Expression:
         return applied(function, arguments, options)
 
     def __array__(self, *_: Any, **__: Any) -> np.ndarray:
+        if self.sx.is_constant():
+            return _numbers(self.sx)
         raise ExpressionError(
             f"{self!r} is symbolic and cannot become an array of numbers ({origin()}). Of numpy, elementary functions take it (np.sin, "
             "np.sqrt ...); otherwise use CasADi's, e.g. ca.norm_2(...), or ca.vertcat(...) to put entries together. A spline of scipy is given to an "
@@ -183,6 +185,8 @@ class Expression:
         return (self[i] if columns == 1 else self[i, :] for i in range(rows))
 
     def __float__(self) -> float:
+        if self.sx.is_constant() and self.shape == (1, 1):
+            return float(self.sx)
         raise ExpressionError(
             f"{self!r} is symbolic and has no number before a simulation ({origin()}). In expressions use functions of numpy or "
             "CasADi in place of those of math; numbers are read from a trajectory, run[...]."
@@ -196,6 +200,11 @@ class Expression:
 
     def __repr__(self) -> str:
         return str(self.sx)
+
+
+def _numbers(value: ca.SX) -> np.ndarray:
+    """Of an expression of nothing but numbers."""
+    return np.array(ca.DM(ca.evalf(ca.densify(value))))
 
 
 _NUMBERS = (int, float, np.number, np.ndarray, ca.SX)
@@ -524,8 +533,9 @@ def scalar(value: Scalar, what: str, *, positive: bool = False, non_negative: bo
         expression = value if isinstance(value, Expression) else Expression(value, leaves(value))
         if expression.shape != (1, 1):
             raise ParameterError(f"{what} must be a scalar, not of shape {expression.shape} ({origin()}).")
-        expression = _shown(expression, what)
-        return checked(expression, functools.partial(_check_sign, what=what, positive=positive, non_negative=non_negative))
+        if not expression.sx.is_constant():
+            expression = _shown(expression, what)
+            return checked(expression, functools.partial(_check_sign, what=what, positive=positive, non_negative=non_negative))
     result = number(value, what)
     _check_sign(np.array(result), what, positive, non_negative)
     return result
@@ -599,12 +609,16 @@ def vector(value: Scalar, what: str, *, unit: str = "") -> np.ndarray | Expressi
         expression = Expression(sx(value), leaves(value))
         if expression.shape != (3, 1):
             raise ParameterError(f"{what} must have three components, not shape {expression.shape} ({origin()}).")
-        expression = _shown(expression, what)
-        return checked(expression, functools.partial(check, what=what))
+        if not expression.sx.is_constant():
+            expression = _shown(expression, what)
+            return checked(expression, functools.partial(check, what=what))
+        value = _numbers(expression.sx).ravel()
     try:
         array = np.asarray("no numbers" if is_truth(value) else value, dtype=float)
     except (TypeError, ValueError, OverflowError, RuntimeError):
         raise ParameterError(f"{what} must be three numbers, not {value!r} ({origin()}).") from None
+    if array.shape == (3, 1):  # as CasADi's columns are
+        array = array.ravel()
     if array.shape != (3,):
         raise ParameterError(f"{what} must be three numbers, not {value!r} ({origin()}).")
     check(array, what)

@@ -85,8 +85,8 @@ def rotation_matrix(rotation: Rotation | Scalar) -> np.ndarray | Expression | No
         return None
     if isinstance(rotation, tuple) and len(rotation) == 2:
         return _named(rotation[0], rotation[1])
-    if leaves(rotation):
-        return _of_expression(rotation)  # pyright: ignore[reportArgumentType]
+    if leaves(rotation) or isinstance(rotation, Expression | ca.SX):
+        return _numbers(_of_expression(rotation))  # pyright: ignore[reportArgumentType]
     matrix = getattr(rotation, "as_matrix", None)  # scipy's Rotation
     try:
         array = np.asarray(rotation if matrix is None else matrix(), dtype=float)

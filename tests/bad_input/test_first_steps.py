@@ -343,6 +343,12 @@ def test_misspelt_names_are_answered_with_the_right_one():
         _ = Pendulum().hinge.frame_c  # pyright: ignore
 
 
+@pytest.mark.parametrize(("name", "words"), [("sin", "np.sin"), ("Sytem", "'System'"), ("vertcat", "'vertcat'.")])
+def test_names_that_the_package_lacks_are_answered(name: str, words: str) -> None:
+    with pytest.raises(AttributeError, match=words):
+        getattr(ac, name)
+
+
 def test_failed_integration_keeps_what_was_computed():
     """A particle falls into the centre of an attraction: the time of the collision is known."""
     scene = ac.System()

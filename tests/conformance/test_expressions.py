@@ -8,10 +8,13 @@ from __future__ import annotations
 import inspect
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import acausal as ac
+from acausal import rotations
 from acausal.errors import AcausalError
 from acausal.parts.rigid import AbstractGround, AbstractRigidPart
 from components import Constant, Ground, Inertia, Resistor, Revolute, RigidBody, SlidingMass, VoltageSource, World
@@ -100,6 +103,23 @@ def moves(cls: type[ac.Component], name: str, kind: str) -> bool:
 def test_an_argument_that_takes_a_number_takes_an_expression_or_says_why_not(cls: type[ac.Component], name: str):
     """One kind of expression each, all kinds in turn; the test below asks for all kinds where they must be taken."""
     moves(cls, name, KINDS[CASES.index((cls, name)) % len(KINDS)])
+
+
+def test_what_is_made_of_numbers_is_a_number_everywhere():
+    """A length of a vector, an entry of a rotation, CasADi's own numbers: also where nothing may move."""
+    for cls, name in CASES:
+        usual = arguments(cls).get(name, inspect.signature(cls).parameters[name].default)
+        for made in (ac.norm, lambda x: ca.sqrt(ca.SX(x) ** 2)):
+            value = made(usual) if isinstance(usual, float) and usual > 0 else usual
+            cls(**{**arguments(cls), name: value})
+    turn, place = rotations.euler("intrinsic zxz", (0.3, 0.4, 0.5)), rotations.axis_angle("z", 0.3) @ np.array([1.0, 2.0, 3.0])
+    exact = Rotation.from_euler("ZXZ", (0.3, 0.4, 0.5)).as_matrix()
+    for rotation in (turn, rotations.quaternion_of(turn), ca.SX(turn.sx)):
+        for position in (place, ca.DM(place.sx), place.sx):
+            body = RigidBody(1.0, (0.1, 0.2, 0.25), position=position, rotation=rotation)
+            assert np.max(np.abs(body.sketch_pose().rotation - exact)) < 1e-15
+            assert np.max(np.abs(body.sketch_pose().position - np.asarray(place).ravel())) == 0
+    assert float(ac.Parameter(ac.norm((3.0, 4.0, 0.0))).value) == 5.0
 
 
 def test_forces_springs_dampers_and_sources_take_what_moves():
