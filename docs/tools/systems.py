@@ -48,7 +48,7 @@ ROWS = (
     Row("springs, gravity and its gradient on bodies", ("satellite",), ("fields::the_gradient_turns_a_satellite_as_its_points_of_mass_say", "closed_forms::stiff_spring_pendulum")),
     Row("free rotation, also about the middle axis", ("dzhanibekov",), ("closed_forms::symmetric_free_body_precesses_as_euler_found", "closed_forms::free_body_flips_about_its_middle_axis")),
     Row("baseball, football", ("baseball", "football"), ("systems::a_baseball_that_spins_flies_as_a_linear_law_says",)),
-    Row("tops: Lagrange's, Poisson's on smooth ground", ("lagrange_top", "poisson_top", "gyroscopic"), ("closed_forms::heavy_top", "systems::a_top_on_ice_nods_as_its_energy_says")),
+    Row("tops: Lagrange's, sleeping, Poisson's on smooth ground", ("lagrange_top", "poisson_top", "gyroscopic"), ("closed_forms::heavy_top", "systems::a_top_on_ice_nods_as_its_energy_says")),
     Row("spheres that slide and roll, on planes and in bowls", ("bowling_ball", "ball_on_turntable", "ball_in_cylinder"), ("guides::a_ball_rolls_in_a_bowl_as_a_longer_pendulum", "touching::a_ball_runs_down_a_ball_as_a_pendulum_upside_down")),
     Row("Chaplygin's sphere", ("chaplygin_sphere",), ("touching::chaplygins_ball_keeps_its_angular_momentum_about_the_point_that_touches",)),
     Row("satellite in gravity's gradient", ("satellite",), ("fields::a_satellite_swings_about_the_vertical", "systems::roll_and_yaw_of_a_satellite_are_coupled_by_its_orbit")),

@@ -1,7 +1,7 @@
 """Lagrange's top: a spinning body on a fixed point, which goes around instead of falling.
 
 With the right start it precesses steadily, at a slow or a fast rate; both solve a quadratic equation. Any other motion nods, and keeps energy and two angular
-momenta. O'Reilly, Intermediate Dynamics for Engineers, 10.2.
+momenta. Upright it sleeps where C^2 W^2 > 4 I m g a, else it falls as exp(sqrt(4 I m g a - C^2 W^2) t / (2 I)). O'Reilly, Intermediate Dynamics for Engineers, 10.2.
 """
 
 import numpy as np
@@ -37,6 +37,12 @@ def main(folder: str = "out") -> float:
         steady = model.simulate(3.0, {scene.ball.q: tilted, scene.ball.v: w}, rtol=1e-12)
         off = max(off, float(np.max(np.abs(steady[scene.top.frame.rotation][:, 2, 2] - np.cos(TILT)))))
         print(f"steady at {rate:.3f} rad/s: the tilt is kept to {off:.0e}")
+    slowest = 2 * np.sqrt(ACROSS * MASS * 9.81 * ARM) / ALONG
+    for spin in (0.9 * slowest, 1.1 * slowest):
+        grows = max(mode.eigenvalue.real for mode in model.linearize({scene.ball.v: (0, 0, spin)}).modes())
+        exact = np.sqrt(max(4 * ACROSS * MASS * 9.81 * ARM - (ALONG * spin) ** 2, 0.0)) / (2 * ACROSS)
+        off = max(off, float(abs(grows - exact)) / spin)
+        print(f"upright at {spin:.1f} rad/s it {'falls' if exact > 0 else 'sleeps'}: what grows does so at {exact:.4f}/s, met to {off:.0e}")
     run = model.simulate(3.0, {scene.ball.q: tilted, scene.ball.v: (0, 0, SPIN)}, rtol=1e-12)
     R, w = run[scene.top.frame.rotation], run[scene.top.frame.angular_velocity]
     own = np.einsum("nji,nj->ni", R, w)
