@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import casadi as ca
 import numpy as np
 import pytest
@@ -381,8 +383,9 @@ def test_what_it_costs():
 @pytest.mark.parametrize(("body", "base"), [("ball", Sphere(0.09, inside_out=True)), ("cylinder", Plane()), ("spindle", Sphere(1.0, inside_out=True)), ("cone", Plane())])  # fmt: skip
 def test_what_touches_in_more_than_one_point_or_does_not_fit_is_named(body, base):
     scene = on(Touching(SHAPES[body], base), RigidBody.ball(2.0, 0.2))
-    with pytest.raises(errors.AssemblyError, match=r"guide.*test_touching.py:\d+.*curved less than the hollow"):
+    with pytest.raises(errors.AssemblyError, match=r"guide.*test_touching.py:\d+.*curved less than the hollow") as told:
         ac.build(scene)
+    assert ("RollingCylinder" in str(told.value)) == (body != "ball") and "convex" not in str(told.value)
 
 
 @pytest.mark.parametrize(
@@ -448,12 +451,18 @@ def test_a_disk_in_flight_that_would_lie_flat_ends_there_and_never_changes_its_e
 
 
 def test_what_comes_to_where_it_fits_no_more_is_told_by_part_and_line():
-    """A disk rolls down into a funnel; a disk lies flat over the ground; a spindle is too long for its bowl."""
+    """A disk rolls down into a funnel; a disk lies flat over the ground; a spindle is too long for its bowl; a table ends. Only what is the cause is said."""
     scene = on(Touching(Disk(0.1), Cone(0.9)), RigidBody(2.0, (0.012, 0.015, 0.02), (0.01, -0.01, 0.012)), (1.0, 2.0, -G))
     with pytest.raises(
         errors.SimulationError, match=r"'guide' \(.*test_touching.py:\d+\) has come to where it has no meaning.*curved less than"
-    ):
+    ) as told:
         ac.build(scene).simulate(2.0)
+    assert not re.search("several|points|convex|ends|Cylinder", str(told.value).split("meaning")[1])
+    table = ParametricSurface(lambda u, v: (u, v, 0.02 * u * u), ends=((-0.3, 0.3), (-0.5, 0.5)))
+    rolls = on(Contact(SHAPES["egg"], table), RigidBody.ball(2.0, 0.1), (1.0, 0.0, -G))
+    with pytest.raises(errors.SimulationError, match="The surface ends") as told:
+        ac.build(rolls).simulate(5.0)
+    assert not re.search("curved|convex|points|Cylinder", str(told.value).split("meaning")[1])
     flat = on(Contact(Disk(0.1), Plane(), HuntCrossley(1e4)), RigidBody.disk(1.0, 0.1, axis="z"))
     with pytest.raises(errors.StartValueError, match=r"'guide' \(.*test_touching.py:\d+\).* lies flat"):
         ac.build(flat).simulate(1.0, {flat.body.frame.position[2]: 0.1})

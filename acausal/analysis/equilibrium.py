@@ -244,7 +244,8 @@ class _Elsewhere:
         """What is wrong there; empty where nothing is."""
         beyond = self._functions.beyond(at.t, at.x, at.u, at.p, EDGE)
         if beyond is not None:
-            return f"where {beyond[0].who} has no meaning. {beyond[0].why}"
+            border, values = beyond
+            return f"where {border.who} has no meaning. {border.told(values)}"
         for rows, sign in zip(self._hinges, self._signs([at.t, at.x, at.u, at.p]) if self._hinges else (), strict=True):
             if not np.all(np.array(sign) > EDGE):
                 return (

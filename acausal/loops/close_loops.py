@@ -54,7 +54,7 @@ def close_loops(walk: Walk, guess: np.ndarray, drawn: Callable[[], Residual]) ->
         if found.gap < smallest and right_branch:
             smallest, where = found.gap, found.y
     if not np.isfinite(smallest) and not all(np.isfinite(part).all() for part in walk.at(where)):
-        raise _without_slope(group, walk.at(where)) if group.loops else _nowhere(group)
+        raise _without_slope(group, walk.at(where)) if group.loops else _nowhere(group, walk.meant(where)[0])
     if ca.depends_on(group.closing, t):
         for attempt in range(_ATTEMPTS):
             first = where if attempt == 0 else sketch + rng.normal(scale=0.1 * 1.35**attempt, size=guess.size)
@@ -63,7 +63,7 @@ def close_loops(walk: Walk, guess: np.ndarray, drawn: Callable[[], Residual]) ->
                 return z
         walk.time = time
     if not group.loops:
-        raise _nowhere(group)
+        raise _nowhere(group, walk.meant(where)[0])
     gaps = np.abs(walk.gaps(where))
     worst, own = _worst_loop(group.loops, gaps)
     raise AssemblyError(
@@ -114,11 +114,11 @@ def _without_slope(group: LoopGroup, parts: list[np.ndarray]) -> AssemblyError:
     )
 
 
-def _nowhere(group: LoopGroup) -> AssemblyError:
-    """A joint by itself that has no place inside its own domain."""
+def _nowhere(group: LoopGroup, domain: np.ndarray) -> AssemblyError:
+    """A joint by itself that has no place inside its own domain, whose values are these where the search ended."""
     joint = group.joints[0].edge
     why = (
-        joint.joint.if_outside
+        joint.joint.why_outside(domain.size)[int(np.argmin(domain))]
         or "Check its dimensions, or begin elsewhere: give its coordinates a start, or bodies a rough position."
     )
     return AssemblyError(

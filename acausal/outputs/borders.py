@@ -21,21 +21,21 @@ NO_VALUE = "What it is given by, or its slope, is infinite or not a number there
 
 @dataclass(frozen=True)
 class Border:
-    """Of a part, `who` with its line: `values` (n, 1) by t, x, u and p are positive inside. `why`: what is said at zero. `coordinates` of the part, called `names`.
+    """Of a part, `who` with its line: `values` (n, 1) by t, x, u and p are positive inside. `whys`: what is said where each is zero. `coordinates` of the part, called `names`.
 
     `sized`: whether values are of size 1 well inside; else they have any unit.
     """
 
     who: str
-    why: str
+    whys: tuple[str, ...]
     values: ca.SX
     coordinates: ca.SX
     names: tuple[str, ...]
     sized: bool = True
 
     def told(self, values: np.ndarray) -> str:
-        """What is said where it has these `values`: `why`, or that the function it is given by has none there."""
-        return self.why if np.isfinite(values).all() else NO_VALUE
+        """What is said where it has these `values`: of the least, or that the function it is given by has none there."""
+        return self.whys[int(np.argmin(values))] if np.isfinite(values).all() else NO_VALUE
 
     @property
     def rows(self) -> tuple[str, ...]:
@@ -50,15 +50,17 @@ def borders(outputs: Outputs) -> tuple[Border, ...]:
     for item in outputs.system.tree_joints:
         joint = item.edge.joint
         who, q = f"'{item.edge.name}' ({joint.created_at})", joint.q.sx
-        for values, why, sized in ((joint.domain(q), joint.if_outside, True), (joint.regular(q), joint.if_singular, False)):
+        domain, regular = joint.domain(q), joint.regular(q)
+        singular = (joint.if_singular,) * regular.numel()
+        for values, whys, sized in ((domain, joint.why_outside(domain.numel()), True), (regular, singular, False)):
             if values.numel():
                 names, shown = _shown(outputs, joint)
-                found.append(Border(who, why, outputs.resolve(values), outputs.resolve(shown), names, sized))
+                found.append(Border(who, whys, outputs.resolve(values), outputs.resolve(shown), names, sized))
     for part in outputs.system.flat.parts:
         bounded = part.component
         if isinstance(bounded, AbstractBounded):
             who, values = f"'{part.path}' ({bounded.created_at})", outputs.resolve(bounded.inside())
-            found.append(Border(who, bounded.if_outside, values, ca.SX(0, 1), ()))
+            found.append(Border(who, (bounded.if_outside,) * values.numel(), values, ca.SX(0, 1), ()))
     return tuple(border for border in found if border.values.numel())
 
 

@@ -492,10 +492,11 @@ class Functions:
         each = np.split(values, np.cumsum([border.values.numel() for border in self.borders])[:-1])
         return next(((border, own) for border, own in zip(self.borders, each, strict=True) if not np.all(own > near)), None)
 
-    def border_of(self, row: int) -> Border:
-        """The one that a row of `inside` belongs to."""
+    def border_of(self, row: int) -> tuple[Border, str]:
+        """The one that a row of `inside` belongs to, and what is said where this row is zero."""
         ends = itertools.accumulate(border.values.numel() for border in self.borders)
-        return next(border for border, end in zip(self.borders, ends, strict=True) if row < end)
+        border, end = next((border, end) for border, end in zip(self.borders, ends, strict=True) if row < end)
+        return border, border.whys[row - end]
 
     @functools.cached_property
     def contacts(self) -> tuple[tuple[Part, ...], ca.Function | None]:

@@ -55,6 +55,10 @@ class AbstractJoint(AbstractConstraint, ABC):
         """
         return ca.SX(0, 1)
 
+    def why_outside(self, rows: int) -> tuple[str, ...]:
+        """What is said where each of the rows of `domain` is not positive: `if_outside`, unless they have causes of their own."""
+        return (self.if_outside,) * rows
+
     def regular(self, q: ca.SX) -> ca.SX:
         """Zero where the pose has no slope, or none that is continuous: at a cusp, an apex; else positive, of any unit. (n, 1), empty by default.
 

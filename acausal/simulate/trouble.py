@@ -151,19 +151,17 @@ def check_inside_all(functions: Functions, t: np.ndarray, x: np.ndarray, u: np.n
     )
     if outside.size:
         k, row = outside[0]
-        border = functions.border_of(int(row))
-        raise SimulationError(f"By t = {t[k]:.6g} s {border.who} has left where it has a meaning. {border.why}", None)
+        border, why = functions.border_of(int(row))
+        raise SimulationError(f"By t = {t[k]:.6g} s {border.who} has left where it has a meaning. {why}", None)
 
 
 def ended_inside(functions: Functions, problem: Problem, solution: Solution, events: int) -> Solution:
     """A motion that a border ended, which follows so many `events` among the guards: with a status that says so."""
     if not (solution.stopped and solution.crossings[-1].guard >= events):
         return solution
-    border, t, x = functions.border_of(solution.crossings[-1].guard - events), float(solution.t[-1]), solution.x[:, -1]
+    (border, why), t, x = functions.border_of(solution.crossings[-1].guard - events), float(solution.t[-1]), solution.x[:, -1]
     u = problem.with_modes(solution.modes).inputs(solution.t[-1:])[:, 0]
-    message = (
-        f"{border.who} has come to where it has no meaning{_at(functions, border, t, x, u, problem.parameters)}. {border.why}"
-    )
+    message = f"{border.who} has come to where it has no meaning{_at(functions, border, t, x, u, problem.parameters)}. {why}"
     crossings = tuple(crossing for crossing in solution.crossings if crossing.guard < events)
     return replace(solution, status=Status(StatusKind.OUTSIDE, t, message), crossings=crossings, stopped=False)
 

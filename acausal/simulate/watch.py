@@ -100,7 +100,7 @@ def _passes_singular_place(functions: Functions, run: Trajectory) -> bool:
         at = np.argwhere((own < _NO_PLACE * usual) & np.isfinite(usual))
         if not border.sized and at.size:
             warnings.warn(
-                f"At t = {run.steps.t[at[0, 1]]:.6g} s {border.who} was where it has no meaning, and went on. {border.why} The motion is not reliable from there on.",
+                f"At t = {run.steps.t[at[0, 1]]:.6g} s {border.who} was where it has no meaning, and went on. {border.whys[at[0, 0]]} The motion is not reliable from there on.",
                 AccuracyWarning, stacklevel=callers_level(),
             )  # fmt: skip
             return True

@@ -223,7 +223,8 @@ def _closing(outputs: Outputs, held: tuple[int, ...]) -> tuple[Closing, Closing]
     for item in r.tree_joints:
         joint = item.edge.joint
         signs.append(joint.domain(r.x[item.q, :]))
-        meant.append(((f"joint '{item.edge.name}' ({joint.created_at})", joint.if_outside), signs[-1].numel()))
+        who = f"joint '{item.edge.name}' ({joint.created_at})"
+        meant += [((who, why), 1) for why in joint.why_outside(signs[-1].numel())]
     locks = [] if r.locks is None else [(r.locks.rows[k], r.locks.places(k)) for k in held]
     names = [(f"what {row.part.where} holds", own.stop - own.start) for row, own in locks]
     signs += [0.5 - row.apart for row, _ in locks]

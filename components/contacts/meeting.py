@@ -14,6 +14,15 @@ from acausal.parts.contact import read
 from acausal.parts.pose import quaternion_rate, rotation_from_quaternion
 from components.geometry.surfaces import AbstractSurface
 
+LESS_CURVED = "The body is curved less than the hollow that it lies in."
+INWARDS = f"{LESS_CURVED} Or the normal of its shape points into it."
+ALONG_A_LINE = f"{LESS_CURVED} Or both are flat in one direction: for cylinders and cones that touch along a line there are RollingCylinder and RollingCone."
+SEVERAL = (
+    "The body touches in more than one point, or is not convex there: along an edge or on a face, as a wheel does that lies flat."
+)
+SHAPE_ENDS = "The body's shape ends there, or its coordinates do."
+SURFACE_ENDS = "The surface ends there, or its coordinates do."
+
 
 @dataclass(frozen=True)
 class AbstractMeeting(ABC):
@@ -55,6 +64,11 @@ class AbstractMeeting(ABC):
     @abstractmethod
     def fit(self, own: ca.SX, place: ca.SX) -> ca.SX:
         """Positive where the shape is curved more than the surface in all directions, and coordinates are good: (n, 1), see `AbstractJoint.domain`."""
+
+    @property
+    @abstractmethod
+    def outside(self) -> tuple[str, ...]:
+        """What is said where the rows of `fit` are not positive: of the first ones, and of all others."""
 
     @abstractmethod
     def regular(self, own: ca.SX) -> ca.SX:
@@ -103,6 +117,10 @@ class MeetingByNormal(AbstractMeeting):
     def fit(self, own: ca.SX, place: ca.SX) -> ca.SX:
         stretch = self._stretch(own, place)
         return ca.vertcat(ca.det(stretch), ca.trace(stretch) / 2, self.shape.single(self._normal(own, place)))
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        return (LESS_CURVED, LESS_CURVED, SEVERAL)
 
     def regular(self, own: ca.SX) -> ca.SX:
         return ca.SX(0, 1)
@@ -175,8 +193,11 @@ class MeetingByCoordinates(AbstractMeeting):
         both = self._curvature(own, place)
         W, own_W = self.surface.curvature(place), self.shape.curvature(own[:-1])
         size = ca.trace(W @ W) + ca.trace(own_W @ own_W)
-        inside = ca.vertcat(self.surface.inside(place), self.shape.inside(own[:-1]))
-        return ca.vertcat(4 * ca.det(both) / size, ca.trace(both) / ca.sqrt(size), inside)
+        return ca.vertcat(4 * ca.det(both) / size, ca.trace(both) / ca.sqrt(size), self.shape.inside(own[:-1]))
+
+    @property
+    def outside(self) -> tuple[str, ...]:
+        return (ALONG_A_LINE, INWARDS, SHAPE_ENDS)
 
     def regular(self, own: ca.SX) -> ca.SX:
         return self.shape.regular(own[:-1])

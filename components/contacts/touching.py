@@ -16,7 +16,7 @@ from acausal.parts.motion import Motion
 from acausal.parts.pose import Pose, symbolic
 from acausal.parts.seen import AbstractSeenAlong
 from components.contacts.laws import AbstractTouchingLaw, Rolling, checked_touching
-from components.contacts.meeting import AbstractMeeting, MeetingByCoordinates, meeting
+from components.contacts.meeting import SURFACE_ENDS, AbstractMeeting, MeetingByCoordinates, meeting
 from components.contacts.nearness import Nearness, nearness, touched
 from components.geometry.net import net
 from components.geometry.shapes import AbstractShape
@@ -41,11 +41,6 @@ class Touching(AbstractJoint, AbstractContact, AbstractSeenAlong):
         scene.contact = Touching(Ellipsoid((0.2, 0.1, 0.1)), Sphere(0.5))
     """
 
-    if_outside = (
-        "The body is curved less than the hollow that it lies in, or both are flat, or it is not convex there or touches in more than one point, or the normal of its "
-        "shape points into it, or one of them ends. For "
-        "cylinders and cones that touch along a line there are RollingCylinder and RollingCone."
-    )
     if_singular = APEX
     q = Variable("", "coordinates of the body, then of the touching point on the surface", size=6)
     v = Variable("rad/s", "angular velocity in frame_b", size=3)
@@ -86,6 +81,12 @@ class Touching(AbstractJoint, AbstractContact, AbstractSeenAlong):
     def domain(self, q: ca.SX) -> ca.SX:
         own, place, both = self._parts(q)
         return ca.vertcat(both.fit(own, place), both.surface.inside(place))
+
+    def why_outside(self, rows: int) -> tuple[str, ...]:
+        _, place, both = self._parts(self.q.sx)
+        of_surface = self.surface.inside(place).numel()
+        first, second, others = both.outside
+        return (first, second, *(others,) * (rows - 2 - of_surface), *(SURFACE_ENDS,) * of_surface)
 
     def regular(self, q: ca.SX) -> ca.SX:
         own, place, both = self._parts(q)
