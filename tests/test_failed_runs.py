@@ -166,6 +166,20 @@ def test_the_rim_of_a_dome_where_it_is_upright_is_told_with_its_place(rolls: boo
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_bead_that_comes_to_where_a_slope_is_a_logarithm_is_told_the_place(size: float) -> None:
+    """On z = 0.1 x log(r / size), whose slope in the origin is infinite, but nowhere near by large."""
+    ground = HeightField(lambda x, y: 0.1 * x * ca.log(ca.sqrt(x * x + y * y) / size))
+    scene = ac.System()
+    scene.world, scene.ground, scene.bead = World(), PointOnSurface(ground), Particle(1.0)
+    scene.connect(scene.world.frame, scene.ground.frame_a)
+    scene.connect(scene.ground.frame_b, scene.bead.point)
+    start = {scene.bead.point.position[:2]: (-size, 0.0), scene.bead.point.velocity[0]: np.sqrt(size)}
+    words = r"'ground' .*has no meaning, at ground\.q\[0\] = 0, ground\.q\[1\] = 0\. .*its slope, is infinite"
+    with pytest.raises(SimulationError, match=words):
+        ac.build(scene).simulate(4 * np.sqrt(size), start)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
 @pytest.mark.parametrize("rtol", [1e-6, 1e-11, 1e-12])
 def test_what_diverges_at_the_start_is_not_taken_for_rounding(rtol: float, size: float) -> None:
     """A horizontal chain of beads that is let go: link n begins to turn as t^(2 n), and its rounding as what rounding makes of those before. Lagrange's equations

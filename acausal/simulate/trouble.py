@@ -40,6 +40,8 @@ _MASSLESS = 1e-12
 _MISSED = 1e-4
 _BORDER = 1e-3
 """Of what is positive inside, against the most that it was in a run, that is at its border."""
+_BESIDE = 1e-6
+"""Of the most that a state was in a run, what is all but zero."""
 _ENDLESS = 1e4
 """Times the median over a run, from which on an energy is infinite."""
 _AHEAD = 1e-4
@@ -380,6 +382,13 @@ def _at_a_border(functions: Functions, run: Trajectory) -> str:
             t, x = run.steps.t[-1], run.steps.x[:, -1]
             where = _at(functions, border, t, x, run.problem.inputs(run.steps.t[-1:])[:, 0], run.problem.parameters)
             return f" {border.who} has come to where it has no meaning{where}. {border.told(values[begin:until, -1])}"
+    # slopes that grow as a logarithm are not large before it is too late: what is all but zero is looked at in zero
+    t, x, u = run.steps.t[-1], run.steps.x[:, -1], run.problem.inputs(run.steps.t[-1:])[:, 0]
+    beside = np.where(np.abs(x) < _BESIDE * np.max(np.abs(run.steps.x), axis=1), 0.0, x)
+    found = functions.beyond(t, beside, u, run.problem.parameters) if np.any(beside != x) else None
+    if found is not None:
+        where = _at(functions, found[0], t, beside, u, run.problem.parameters)
+        return f" {found[0].who} has come beside where it has no meaning{where}. {found[0].told(found[1])}"
     return ""
 
 
