@@ -15,6 +15,7 @@ import numpy as np
 from acausal.errors import AccuracyWarning
 from acausal.numerics.rounding import Rounding
 from acausal.numerics.thresholds import ROUNDING
+from acausal.outputs.borders import Border
 from acausal.outputs.functions import Functions
 from acausal.outputs.infinite import without_value
 from acausal.simulate.blame import condition, energy_cause
@@ -45,6 +46,9 @@ _SIGNS = np.random.default_rng(0).uniform(0.5, 1.0, 509) * np.random.default_rng
 _FOURTHS, _PARTS = np.arange(_LOOKS // 2), (np.arange(1, _LOOKS // 2 + 1) - 0.5) / (_LOOKS // 2)
 _NO_PLACE = 1e-14
 """Of what is zero in singular places, as it usually is: no motion passes one so closely by chance."""
+_NEAR, _STRIDE, _MINIMA, _ZOOMS = 1e-4, 1e-3, 16, 6
+"""Of what is zero in singular places, as it usually is, where it is looked for inside of steps; of its value at their ends, what it is there if they do not see it; how often at
+most, and in which detail."""
 _NIL = (64 * _EPS) ** 2
 """Of the energy that all would have by what acts on it, what is nothing but rounding of velocities."""
 
@@ -98,6 +102,8 @@ def _passes_singular_place(functions: Functions, run: Trajectory) -> bool:
         row += border.values.numel()
         usual = np.array([_median(values, run.steps.t) for values in own])[:, None]
         at = np.argwhere((own < _NO_PLACE * usual) & np.isfinite(usual))
+        if not border.sized and not at.size:
+            at = _strides_over(run, border, own, usual)
         if not border.sized and at.size:
             warnings.warn(
                 f"At t = {run.steps.t[at[0, 1]]:.6g} s {border.who} was where it has no meaning, and went on. {border.whys[at[0, 0]]} The motion is not reliable from there on.",
@@ -105,6 +111,26 @@ def _passes_singular_place(functions: Functions, run: Trajectory) -> bool:
             )  # fmt: skip
             return True
     return False
+
+
+def _strides_over(run: Trajectory, border: Border, own: np.ndarray, usual: np.ndarray) -> np.ndarray:
+    """Row and step (1, 2) where what is positive beside singular places, `own` (rows, steps), comes to zero inside of a step; (0, 2) where none does.
+
+    Steps that pass such a place closely are as short there as it is near. Those of a motion that is smooth in time through it, as a bead's that a rim throws back, are not.
+    """
+    here = own[:, 1:-1]
+    lowest = np.argwhere((here <= own[:, :-2]) & (here <= own[:, 2:]) & (here < _NEAR * usual))[:_MINIMA]
+    for row, before in lowest:
+        k, values = int(before) + 1, own[row, before + 1 : before + 2]
+        begin, end = run.steps.t[k - 1], run.steps.t[k + 1]
+        for _ in range(_ZOOMS):
+            times = np.linspace(begin, end, 33)
+            values = np.nan_to_num(run.at(times)[border.values[int(row)]])
+            least = int(np.argmin(values))
+            begin, end = times[max(least - 1, 0)], times[min(least + 1, 32)]
+        if np.min(values) < min(_STRIDE * own[row, k], _NEAR**2 * usual[row, 0]):
+            return np.array([[row, k]])
+    return np.zeros((0, 2), dtype=int)
 
 
 def _median(values: np.ndarray, t: np.ndarray) -> float:
