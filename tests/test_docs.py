@@ -67,7 +67,7 @@ def test_pages_name_files_that_exist():
             assert made or (root / name).exists() or (root / "acausal" / name).exists(), f"{page.name}: {name}"
 
 
-@pytest.mark.parametrize("page", ["tutorial", "concepts"])
+@pytest.mark.parametrize("page", ["tutorial", "concepts", "expressions", "guides"])
 def test_code_on_pages_runs(page, tmp_path):
     blocks = re.findall(r"```{run}\n(.*?)```", (DOCS / f"{page}.md").read_text(encoding="utf-8"), re.DOTALL)
     assert len(blocks) > 3
