@@ -40,9 +40,10 @@ class Action:
 
 
 class AbstractForce(Component, ABC):
-    """Acts on the parts that its connectors touch. Must provide `actions`, `potential_energy` and `power_loss`.
+    """Acts on the parts that its connectors touch. Must provide `actions`.
 
-    In every motion the power of its actions is - d(potential_energy)/dt - power_loss: a trial motion checks it when the scene is built.
+    In every motion the power of its actions is - d(potential_energy)/dt - power_loss: a trial motion checks it when the scene is built. One that says nothing of its energies
+    stores none, and all that its actions take is lost; one that gives its potential and nothing else loses nothing.
     Placements give symbols: a law is written by CasADi's functions, without `if`.
     """
 
@@ -55,13 +56,20 @@ class AbstractForce(Component, ABC):
     def actions(self, placement: Placement) -> tuple[Action, ...]:
         """What it does to the parts at its connectors."""
 
-    @abstractmethod
     def potential_energy(self, placement: Placement) -> ca.SX:
-        """Energy stored [J], scalar; zero for a force without potential."""
+        """Energy stored [J], scalar; zero unless said otherwise."""
+        return ca.SX(0)
 
-    @abstractmethod
     def power_loss(self, placement: Placement) -> ca.SX:
-        """Power that leaves the mechanical energy [W], scalar: dissipated minus supplied."""
+        """Power that leaves the mechanical energy [W], scalar: dissipated minus supplied. Unless said otherwise what the actions take, or nothing where there is a potential."""
+        given = ca.SX(0)
+        if not ca.SX(self.potential_energy(placement)).is_zero():
+            return given
+        for action in self.actions(placement):
+            given += ca.dot(action.force, placement.velocity(action.connector))
+            if not action.torque.is_zero():  # points do not turn
+                given += ca.dot(action.torque, placement.angular_velocity(action.connector))
+        return -given
 
     @final
     def stored_energy(self) -> Expression:
@@ -80,18 +88,6 @@ class AbstractForce(Component, ABC):
 
 class AbstractReactiveForce(AbstractForce, ABC):
     """Acts by reactions, which laws of the part hold: it stores nothing, and loses what its actions take. Must provide `actions`, and `laws`."""
-
-    @final
-    def potential_energy(self, placement: Placement) -> ca.SX:
-        return ca.SX(0)
-
-    @final
-    def power_loss(self, placement: Placement) -> ca.SX:
-        given = ca.SX(0)
-        for action in self.actions(placement):
-            given += ca.dot(action.force, placement.velocity(action.connector))
-            given += ca.dot(action.torque, placement.angular_velocity(action.connector))
-        return -given
 
 
 def at_ends(placement: Placement, a: Point, b: Point, force: ca.SX, torque: ca.SX) -> tuple[Action, ...]:

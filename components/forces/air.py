@@ -37,14 +37,6 @@ class AbstractAirForce(AbstractForce, ABC):
     def actions(self, placement: Placement) -> tuple[Action, ...]:
         return (Action(self.point, self.push(_through_air(self.point, self.wind, placement), placement), ca.SX.zeros(3)),)
 
-    @final
-    def potential_energy(self, placement: Placement) -> ca.SX:
-        return ca.SX(0)
-
-    @final
-    def power_loss(self, placement: Placement) -> ca.SX:
-        return -ca.dot(self.actions(placement)[0].force, placement.velocity(self.point))
-
 
 @final
 class Drag(AbstractAirForce):
@@ -110,12 +102,6 @@ class PitchingMoment(AbstractForce):
         velocity = _through_air(self.frame, self.wind, placement)
         moment = sx(self.coefficient) * _speed(velocity) * ca.cross(velocity, sx(self.axis))
         return (Action(self.frame, ca.SX.zeros(3), moment),)
-
-    def potential_energy(self, placement: Placement) -> ca.SX:
-        return ca.SX(0)
-
-    def power_loss(self, placement: Placement) -> ca.SX:
-        return -ca.dot(self.actions(placement)[0].torque, placement.angular_velocity(self.frame))
 
 
 def _speed(velocity: ca.SX) -> ca.SX:

@@ -42,12 +42,6 @@ class Force(AbstractForce):
     def actions(self, placement: Placement) -> tuple[Action, ...]:
         return (Action(self.point, _resolved(self.value, self.resolved_in, self.point, placement), ca.SX.zeros(3)),)
 
-    def potential_energy(self, placement: Placement) -> ca.SX:
-        return ca.SX(0)
-
-    def power_loss(self, placement: Placement) -> ca.SX:
-        return -ca.dot(self.actions(placement)[0].force, placement.velocity(self.point))
-
 
 @final
 class Torque(AbstractForce):
@@ -65,12 +59,6 @@ class Torque(AbstractForce):
 
     def actions(self, placement: Placement) -> tuple[Action, ...]:
         return (Action(self.frame, ca.SX.zeros(3), _resolved(self.value, self.resolved_in, self.frame, placement)),)
-
-    def potential_energy(self, placement: Placement) -> ca.SX:
-        return ca.SX(0)
-
-    def power_loss(self, placement: Placement) -> ca.SX:
-        return -ca.dot(self.actions(placement)[0].torque, placement.angular_velocity(self.frame))
 
 
 def _checked_axes(resolved_in: Any) -> str:

@@ -36,12 +36,6 @@ class SideWind(AbstractForce):
         v = placement.velocity(self.point)
         return (Action(self.point, self.strength * ca.vertcat(-v[1], v[0], 0), ca.SX.zeros(3)),)
 
-    def potential_energy(self, placement: Placement) -> ca.SX:
-        return ca.SX(0)
-
-    def power_loss(self, placement: Placement) -> ca.SX:
-        return ca.SX(0)  # it is across the velocity: no work
-
 
 def main() -> float:
     """Returns how far a circular orbit and a circle in the side wind are off after one turn [m]."""

@@ -145,3 +145,50 @@ def test_force_of_ones_own_without_power_is_taken(strength):
     scene.connect(scene.wind.point, scene.leaf.point)
     run = ac.build(scene).simulate(2 * np.pi / strength, {scene.leaf.point.velocity: (strength, 0, 0)}, rtol=1e-11)
     assert np.max(np.abs(run[scene.leaf.point.position][-1])) < 1e-9
+
+
+class Swirl(AbstractForce):
+    """Drags and turns a body by its velocities, and says nothing of energies."""
+
+    frame = ac.Frame.port()
+
+    def actions(self, placement):
+        v, w = placement.velocity(self.frame), placement.angular_velocity(self.frame)
+        return (Action(self.frame, 0.3 * ca.cross(w, v) - 0.2 * v, ca.cross(v, ca.vertcat(0, 0, 1)) - 0.1 * w),)
+
+
+class Spring(Swirl):
+    """A potential of the place, and nothing else."""
+
+    def __init__(self, factor: float = 1.0) -> None:
+        self.factor = factor
+
+    def actions(self, placement):
+        X = placement.pose(self.frame)
+        return (Action(self.frame, -3.0 * symbolic(X.rotation).T @ symbolic(X.position), ca.SX.zeros(3)),)
+
+    def potential_energy(self, placement):
+        return 1.5 * self.factor * ca.sumsqr(symbolic(placement.pose(self.frame).position))
+
+
+@pytest.mark.parametrize(("make", "loses"), [(Swirl, True), (Spring, False)])
+def test_a_force_that_says_nothing_of_its_energies_is_accounted_for(make, loses):
+    scene = ac.System()
+    scene.world, scene.body, scene.law = World(), RigidBody(2.0, (0.2, 0.3, 0.4), (0.1, -0.2, 0.3)), make()
+    scene.connect(scene.law.frame, scene.body.frame)
+    start = {
+        scene.body.frame.velocity: (1.0, -0.5, 2.0),
+        scene.body.frame.angular_velocity: (0.4, 0.8, -0.6),
+        scene.body.frame.position: (1, 0, 0),
+    }
+    run = ac.build(scene).simulate(2.0, start, rtol=1e-10)
+    assert run.energy_error() < 1e-9
+    assert (np.max(np.abs(run[scene.law.dissipated_power()])) > 0.1) == loses
+
+
+def test_a_potential_by_itself_is_compared_with_its_force():
+    scene = ac.System()
+    scene.world, scene.body, scene.law = World(), RigidBody(2.0, (0.2, 0.3, 0.4)), Spring(0.9)
+    scene.connect(scene.law.frame, scene.body.frame)
+    with pytest.raises(ac.errors.ModelError, match="contradict each other"):
+        ac.build(scene)
