@@ -14,6 +14,7 @@ from components import (
     CentralField,
     Drag,
     MagnusForce,
+    MutualGravitation,
     Particle,
     PitchingMoment,
     PotentialField,
@@ -332,3 +333,56 @@ def test_a_field_without_a_ground_to_stand_on_is_refused():
     scene.body, scene.field = Particle(1.0), CentralField(1.0)
     with pytest.raises(errors.GroundError, match="field"):
         ac.build(scene)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_what_a_field_does_to_a_body_is_no_reaction_of_what_holds_it(size):
+    """As of gravity: a rod and a box on it swing under the world's gravity and in a uniform field, and all that is read at their frames is the same."""
+    read = []
+    for gravity in (True, False):
+        scene = ac.System()
+        scene.world, scene.hinge = World((0, 0, -9.81) if gravity else None), Revolute("y")
+        scene.rod, scene.box = (
+            RigidBody.rod(1.0, (0.3 * size, 0, -size)),
+            RigidBody.box(2.0, (0.3 * size, 0.2 * size, 0.1 * size)),
+        )
+        if not gravity:
+            scene.field = UniformField((0, 0, -9.81))
+        scene.connect(scene.world.frame, scene.hinge.frame_a)
+        scene.connect(scene.hinge.frame_b, scene.rod.frame)
+        scene.connect(scene.rod.tip, scene.box.at((0.1 * size, 0, 0.05 * size)))
+        run = ac.build(scene).simulate(np.sqrt(size), {scene.hinge.q: 0.7}, rtol=1e-10)
+        frames = scene.world.frame, scene.hinge.frame_a, scene.hinge.frame_b, scene.rod.frame, scene.rod.tip, scene.box.frame
+        read.append(np.hstack([np.hstack([run[frame.force][[0, -1]], run[frame.torque][[0, -1]] / size]) for frame in frames]))
+    assert np.max(np.abs(read[0] - read[1])) < 1e-8
+    assert np.max(np.abs(read[0][:, 18:21])) > 1.0
+
+
+def test_the_pull_in_a_tether_is_read_at_either_end():
+    """Two masses in orbit on a massless rod along the vertical: 10 (w^2 r - mu / r^2) N at the outer one; the field's pull is no part of it. And of two that attract each other."""
+    mu, r, length = 3.986e14, 7e6, 1e4
+    scene = ac.System()
+    scene.world, scene.earth, scene.rod = World(None), CentralField(mu), Rod(length)
+    scene.ends = [Particle(10.0), Particle(10.0)]
+    inner, outer = r - length / 2, r + length / 2
+    rate = np.sqrt((mu / inner**2 + mu / outer**2) / (2 * r))
+    start = {}
+    for end, away, port in zip(scene.ends, (inner, outer), (scene.rod.frame_a, scene.rod.frame_b), strict=True):
+        scene.connect(port, end.point)
+        start |= {end.point.position: (away, 0, 0), end.point.velocity: (0, rate * away, 0)}
+    run = ac.build(scene).simulate(100.0, start, rtol=1e-11)
+    pull = 10 * (rate**2 * outer - mu / outer**2)
+    for end in scene.ends:
+        assert np.linalg.norm(run[end.point.force], axis=1) == pytest.approx(pull, rel=1e-5)
+    pair = ac.System()
+    pair.world, pair.field, pair.one, pair.other, pair.rod = (
+        World(None),
+        MutualGravitation(4.0),
+        Particle(2.0),
+        Particle(3.0),
+        Rod(2.0),
+    )
+    pair.connect(pair.rod.frame_a, pair.one.point)
+    pair.connect(pair.rod.frame_b, pair.other.point)
+    rest = ac.build(pair).simulate(1.0, {pair.one.point.position: (0, 0, 0), pair.other.point.position: (2.0, 0, 0)})
+    assert rest[pair.one.point.force][-1] == pytest.approx((-4.0 * 2.0 * 3.0 / 4.0, 0, 0))

@@ -14,6 +14,7 @@ from acausal.dynamics.kinematics import Place
 from acausal.dynamics.newton_euler import NewtonEuler, newton_euler
 from acausal.dynamics.system import MechanicalSystem
 from acausal.errors import UnknownVariableError
+from acausal.language.component import Component
 from acausal.language.connector import FLOWS, Point, Quantity
 from acausal.language.expression import Symbol
 from acausal.language.flatten import Part
@@ -21,7 +22,7 @@ from acausal.loops.constraints import Constraints
 from acausal.loops.loops import mounted_places
 from acausal.loops.self_stress import loop_reactions, wrench_on_b
 from acausal.parts.constraint import AbstractConstraint
-from acausal.parts.field import AbstractField, AbstractMutualField
+from acausal.parts.field import AbstractField, AbstractMutualField, FieldForce, PairForce
 from acausal.parts.force import AbstractForce
 from acausal.parts.inertia import Inertia, skew
 from acausal.parts.pose import Pose, symbolic
@@ -180,6 +181,8 @@ class Reactions:
             return _negated(self._force_on(part.component, connector))
         if isinstance(part.component, AbstractConstraint):
             return self._into_joint(part.component, connector)
+        if isinstance(part.component, AbstractField):  # it only says where it stands
+            return ca.SX.zeros(3), ca.SX.zeros(3)
         return self._into_rigid(part, connector)
 
     def _force_on(self, force: AbstractForce, connector: Point) -> Wrench:
@@ -267,16 +270,28 @@ class Reactions:
                 if not inertia.is_zero:
                     moved = self._inertial(link, inertia)
                     torque, force = torque + moved[0], force + moved[1]
-        for node in side:
-            if isinstance(node, frozenset):
-                for other in node:
-                    part = self.system.flat.part_of(other)
-                    if not isinstance(part.component, AbstractRigidPart):
-                        flow = self._into(part, other)
-                        pose = self.system.placement.place(other)[1]
-                        moved = formulas.move_wrench(symbolic(pose.rotation), symbolic(pose.position), *flow)
-                        torque, force = torque + moved[0], force + moved[1]
+        for members in self.system.flat.connection_sets:
+            node = frozenset(c for c in members if isinstance(c, Point))
+            for other in node if members[0] in group.poses else ():
+                part = self.system.flat.part_of(other)
+                holder = self._pulled(part.component, other)
+                inside = node in side if holder is None else holder in side
+                if inside and not isinstance(part.component, AbstractRigidPart):
+                    flow = self._into(part, other)
+                    pose = self.system.placement.place(other)[1]
+                    moved = formulas.move_wrench(symbolic(pose.rotation), symbolic(pose.position), *flow)
+                    torque, force = torque + moved[0], force + moved[1]
         return _seen_from(place, torque, force)
+
+    def _pulled(self, component: Component, end: Point) -> str | None:
+        """Of what a field does: the path of the part that it acts on, as gravity does, wherever that part is held; None of all else."""
+        if isinstance(component, PairForce):
+            body = component.one if end is component.frame_a else component.other
+        elif isinstance(component, FieldForce):
+            body = component.body if end is component.frame_b else self._seat(component.field).owner
+        else:
+            return None
+        return next((p.path for p in self.system.flat.parts if p.component is body and isinstance(body, AbstractRigidPart)), None)
 
     def _inertial(self, link: int, inertia: Inertia) -> Wrench:
         """What an inertia given in a link's frame needs to move with the link, or to rest on the ground (-1), gravity included."""
