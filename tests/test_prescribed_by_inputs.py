@@ -10,6 +10,7 @@ import pytest
 from scipy.interpolate import CubicSpline
 
 import acausal as ac
+from acausal import errors
 from acausal.errors import ParameterError
 from components import (
     AngleSource,
@@ -20,7 +21,10 @@ from components import (
     Prismatic,
     Revolute,
     RigidBody,
+    SlidingMass,
     Spherical,
+    TranslationalGround,
+    TranslationalSpring,
     World,
 )
 
@@ -226,3 +230,26 @@ def test_what_inputs_prescribe_stands_among_the_constraints(part: Callable[[Any]
     table = ac.build(scene).constraints()
     assert [entry.kind for entry in table.entries if "follows" in entry.name][:1] == ["rheonomic"]
     assert table.velocity_freedom == 1
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_what_an_input_brings_in_is_known_with_its_rate_and_not_told_without(size: float) -> None:
+    """A place by an input, a spring, a mass: with a mass at the place, too, its rate is an input, and is read; else nothing needs it, and any course will do."""
+    length, exact = 0.02 * size, 0.02 * size * np.array([3.0, 3 * np.cos(3 * 5.0)])
+    for carries in (True, False):
+        scene = ac.System()
+        scene.u, scene.spring, scene.load = ac.Input("m"), TranslationalSpring(1000.0), SlidingMass(10.0)
+        scene.source, scene.carrier = PositionSource(scene.u), SlidingMass(2.0)
+        scene.connect(scene.source.flange, scene.spring.flange_a, *([scene.carrier.flange_a] if carries else []))
+        if not carries:
+            scene.hold = TranslationalGround()
+            scene.connect(scene.hold.flange, scene.carrier.flange_a)
+        scene.connect(scene.spring.flange_b, scene.load.flange_a)
+        run = ac.build(scene).simulate(5.0, inputs={scene.u: length * np.sin(3 * ac.time)}, rtol=1e-10)  # warnings are errors
+        if carries:
+            assert run.energy_error() < 1e-9
+            assert run[ac.der(scene.source.flange.s)][[0, -1]] == pytest.approx(exact)
+        else:
+            assert np.isnan(run.energy_error())
+            with pytest.raises(errors.ExpressionError, match="rate of the input u, which is not known"):
+                run[ac.der(scene.source.flange.s)]

@@ -252,7 +252,7 @@ class Functions:
     @functools.cached_property
     def energy_told(self) -> bool:
         """Whether every part says what energy it stores, loses and brings in, or it follows from mechanics."""
-        return not any(energy_unknown(part.component) for part in self.outputs.system.flat.parts)
+        return self.outputs.knows_powers and not any(energy_unknown(part.component) for part in self.outputs.system.flat.parts)
 
     @functools.cached_property
     def operations_of_power_and_rates(self) -> tuple[int, int]:

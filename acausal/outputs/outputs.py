@@ -12,15 +12,17 @@ from typing import Any
 import casadi as ca
 
 from acausal.arguments import shown  # pyright: ignore[reportUnusedImport]  # users pass anything
-from acausal.errors import UnknownVariableError
+from acausal.errors import ExpressionError, UnknownVariableError
 from acausal.language.component import inflow, law_changes
 from acausal.language.connector import Point, Quantity
-from acausal.language.expression import Derivative, Expression, Input, Parameter, Reaction, Symbol, Time
+from acausal.language.equation import input_rate
+from acausal.language.expression import Derivative, Expression, Input, InputRate, Mode, Parameter, Reaction, Symbol, Time, sx
 from acausal.loops.loops import relative_twist
 from acausal.loops.reactions import Reactions
 from acausal.parts.force import AbstractForce
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import symbolic
+from acausal.reduce.motion import inputs_in
 from acausal.reduce.reduce import ReducedSystem
 
 
@@ -202,10 +204,19 @@ class Outputs:
             stored = self.said(part.stored_energy())
             if law_changes(part):
                 stored = ca.SX(0) if unsteady.numel() and ca.depends_on(stored, unsteady) else stored
-                found.append((stored, self.said(inflow(part)) - self.rate(stored), ca.SX(0)))
+                found.append((stored, self._power(inflow(part)) - self.rate(stored), ca.SX(0)))
             else:
-                found.append((stored, self.said(part.dissipated_power()), self.said(part.supplied_power())))
+                found.append((stored, self._power(part.dissipated_power()), self._power(part.supplied_power())))
         return found
+
+    def _power(self, value: Expression | ca.SX | float) -> ca.SX:
+        """What a part says of its power; nothing where it is not known."""
+        if self.knows_powers:
+            return self.said(value)
+        try:
+            return self.said(value)
+        except ExpressionError:
+            return ca.SX(0)
 
     @functools.cached_property
     def power_flows(self) -> ca.SX:
@@ -334,10 +345,34 @@ class Outputs:
         solved = self._solved(symbol)
         if solved is not None:
             return solved
-        return self._opened_rate(self.closed(self.symbol(symbol.of)))
+        value = self.closed(self.symbol(symbol.of))
+        held = [entry for entry in self._held_inputs if ca.depends_on(value, entry.sx)]
+        if held:
+            raise ExpressionError(
+                f"{self.name(symbol)} depends on the rate of the input {self.name(held[0])}, which is not known here, since nothing with inertia follows it. Read what it drives, "
+                "or give it by a function of time."
+            )
+        return self._opened_rate(value)
+
+    @functools.cached_property
+    def _led(self) -> tuple[Input, ...]:
+        """Inputs whose rates are inputs, too."""
+        known = set(self.system.flat.inputs)
+        return tuple(entry for entry in self.system.flat.inputs if not isinstance(entry, Mode) and input_rate(entry) in known)
+
+    @functools.cached_property
+    def _held_inputs(self) -> tuple[Input, ...]:
+        """Inputs by which parts prescribe places and angles, and whose rates nobody knows."""
+        given = [sx(e) for part in self.system.flat.parts for e in part.component.given_motions()]
+        return tuple(e for e in inputs_in(ca.veccat(ca.SX(0, 1), *given)) if e not in {*self._led} and not isinstance(e, InputRate))
+
+    @property
+    def knows_powers(self) -> bool:
+        """Whether it is known what all parts bring in: that of a place that an input prescribes follows from its rate."""
+        return not self._held_inputs
 
     def rate(self, value: ca.SX) -> ca.SX:
-        """Time derivative of an expression in t and x, inputs held."""
+        """Time derivative of an expression in t and x, inputs held whose rates are not known."""
         return self.closed(self._opened_rate(value))
 
     def _opened_rate(self, value: ca.SX) -> ca.SX:
@@ -345,6 +380,8 @@ class Outputs:
         rate = ca.jtimes(ca.vec(value), s.t, ca.SX(1))
         if s.x.numel():
             rate += ca.jtimes(ca.vec(value), s.x, self._rates)
+        for entry in self._led:
+            rate += ca.jtimes(ca.vec(value), entry.sx, input_rate(entry).sx)
         return ca.reshape(rate, *value.shape)
 
     def _quantity(self, symbol: Quantity) -> ca.SX:

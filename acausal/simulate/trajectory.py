@@ -311,8 +311,10 @@ class Trajectory:
 
     def energy_error(self) -> float:
         """Largest gap in the energy balance, relative to the largest kinetic energy or change of potential energy on the way; where
-        these are nothing but rounding, relative to the terms that the energies are the sums of.
+        these are nothing but rounding, relative to the terms that the energies are the sums of. NaN where nobody knows what an input brings in that prescribes a place.
         """
+        if not self.outputs.knows_powers:
+            return float("nan")
         start = self._beginning
         balance = self.energy + self.energy_loss - start.energy[0]
         steps = self.steps.t  # what moves in between counts where few samples were asked for
