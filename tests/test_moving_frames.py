@@ -14,6 +14,7 @@ from scipy.integrate import solve_ivp
 
 import acausal as ac
 from components import (
+    Contact,
     Free,
     PointOnPlane,
     PrescribedMotion,
@@ -22,6 +23,7 @@ from components import (
     RigidBody,
     Rod,
     RollingBall,
+    Sphere,
     VelocitySource,
     World,
 )
@@ -246,3 +248,28 @@ def test_a_ball_rolls_on_a_turntable_and_on_a_shaken_plate(where):
     )
     shift = 2 / 7 * a * (1 - np.cos(4 * run.t))
     np.testing.assert_allclose(run[scene.ball.frame.position], np.stack([shift, 0.3 * run.t, 0.1 + 0 * shift], axis=1), atol=1e-9)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+@pytest.mark.parametrize("angle", [0.0, 0.3])
+def test_a_ball_begins_at_rest_in_a_shaken_bowl(angle, size):
+    """With the bowl's own velocity, which the start says to the last bit or not; then 7/5 (R - r) angle'' = -g sin(angle) - X'' cos(angle)."""
+    R, r, slow = size, 0.1 * size, 1 / np.sqrt(size)
+    scene = ac.System()
+    scene.world, scene.ball = World(), RigidBody.ball(1.0, r)
+    scene.shaker = PrescribedMotion(lambda t: (0.05 * size * np.sin(3 * slow * t), 0, 0))
+    scene.bowl = Contact(Sphere(r), Sphere(R, inside_out=True))
+    scene.connect(scene.world.frame, scene.shaker.frame_a)
+    scene.connect(scene.shaker.frame_b, scene.bowl.frame_a)
+    scene.connect(scene.bowl.frame_b, scene.ball.frame)
+    frame, place = scene.ball.frame, (R - r) * np.array([np.sin(angle), 0, -np.cos(angle)])
+    start = {frame.position: place, frame.velocity: (0.15 * size * slow, 0, 0), frame.angular_velocity: (0, 0, 0)}
+    run = ac.build(scene).simulate(2 / slow, start, rtol=1e-10)
+
+    def rate(t, y):
+        shaken = -0.45 * size * slow**2 * np.sin(3 * slow * t)
+        return [y[1], -(9.81 * np.sin(y[0]) + shaken * np.cos(y[0])) / (1.4 * (R - r))]
+
+    exact = solve_ivp(rate, (0, 2 / slow), [angle, 0], "DOP853", run.t, rtol=1e-11, atol=1e-12).y[0]
+    moved = run[frame.position][:, 0] - 0.05 * size * np.sin(3 * slow * run.t)
+    assert moved == pytest.approx((R - r) * np.sin(exact), abs=1e-7 * size)

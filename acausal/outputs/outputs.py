@@ -364,7 +364,9 @@ class Outputs:
     def _held_inputs(self) -> tuple[Input, ...]:
         """Inputs by which parts prescribe places and angles, and whose rates nobody knows."""
         given = [sx(e) for part in self.system.flat.parts for e in part.component.given_motions()]
-        return tuple(e for e in inputs_in(ca.veccat(ca.SX(0, 1), *given)) if e not in {*self._led} and not isinstance(e, InputRate))
+        return tuple(
+            e for e in inputs_in(ca.veccat(ca.SX(0, 1), *given)) if e not in {*self._led} and not isinstance(e, InputRate)
+        )
 
     @property
     def knows_powers(self) -> bool:

@@ -14,7 +14,7 @@ from acausal.numerics.assembly import Residual
 from acausal.numerics.bound import BoundFunction
 from acausal.numerics.sizes import Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
 from acausal.numerics.terms import finite, rounded
-from acausal.numerics.thresholds import EDGE
+from acausal.numerics.thresholds import EDGE, ROUNDING
 from acausal.start.apart import Apart, Moving
 from acausal.start.rows import Rows
 from acausal.start.unknowns import Unknowns
@@ -162,7 +162,8 @@ class Block:
             wanted[self.alike == k] = np.max(wanted[self.alike == k])
         rate = 1.0
         if of.linear:  # the unit of time drops out: rates are measured by the largest that is asked for
-            asked = np.concatenate([np.abs(y) / unknowns, off / sizes, missed * factors / wanted if seen else _NONE])
+            heard = np.where(off > ROUNDING * self._rounding(y, data), off, 0.0)  # what is met but for rounding asks for nothing
+            asked = np.concatenate([np.abs(y) / unknowns, heard / sizes, missed * factors / wanted if seen else _NONE])
             rate = float(positive(np.array([np.max(asked, initial=0.0)]))[0])
             unknowns, sizes, wanted = unknowns * rate, sizes * rate, wanted * rate
         return Sizes(unknowns, sizes, lambda y: drawn * sizes + self._rounding(y, data), dependent, rate), wanted
