@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import re
 import runpy
 import sys
@@ -25,6 +26,7 @@ def test_each_part_has_a_text_of_less_than_a_screen_and_a_script_for_its_page(ki
         "help() of it does not fit on a screen"
     )
     assert "model = ac.build(scene)" in script_of(kind) or not kind.is_part
+    assert "*args" not in str(inspect.signature(kind.cls)), "help() of it does not say what it takes"
 
 
 def test_scripts_name_parts_that_exist():

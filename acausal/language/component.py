@@ -42,6 +42,11 @@ class PartClass(ABCMeta):
         owed = {name for base in bases for name in vars(base)} - {*cls.for_users}
         return [n for n in names if not n.startswith("__") and (n not in owed or _is_read(getattr(cls, n)))]
 
+    @property
+    def __signature__(cls) -> inspect.Signature | None:
+        """Of a part that takes no arguments; None where it is as Python finds it."""
+        return inspect.Signature() if cls.__init__ is object.__init__ and cls.__new__ is Component.__new__ else None
+
 
 def _is_read(member: object) -> bool:
     """What is declared or follows, and class methods, which make a part."""

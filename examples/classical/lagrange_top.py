@@ -42,7 +42,9 @@ def main(folder: str = "out") -> float:
         grows = max(mode.eigenvalue.real for mode in model.linearize({scene.ball.v: (0, 0, spin)}).modes())
         exact = np.sqrt(max(4 * ACROSS * MASS * 9.81 * ARM - (ALONG * spin) ** 2, 0.0)) / (2 * ACROSS)
         off = max(off, float(abs(grows - exact)) / spin)
-        print(f"upright at {spin:.1f} rad/s it {'falls' if exact > 0 else 'sleeps'}: what grows does so at {exact:.4f}/s, met to {off:.0e}")
+        print(
+            f"upright at {spin:.1f} rad/s it {'falls' if exact > 0 else 'sleeps'}: what grows does so at {exact:.4f}/s, met to {off:.0e}"
+        )
     run = model.simulate(3.0, {scene.ball.q: tilted, scene.ball.v: (0, 0, SPIN)}, rtol=1e-12)
     R, w = run[scene.top.frame.rotation], run[scene.top.frame.angular_velocity]
     own = np.einsum("nji,nj->ni", R, w)
