@@ -88,7 +88,11 @@ class Passage:
 
     def is_crossing(self, t: float, x: np.ndarray) -> bool:
         """Whether a state is next to a singular position, where closing loops only adds rounding errors."""
-        return bool(self.clearances(np.array([t]), x[None, :])[0] < _CROSSING)
+        return bool(self.are_crossing(np.array([t]), x[None, :])[0])
+
+    def are_crossing(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """The same (n,) of states X (n, nx)."""
+        return self.clearances(t, X) < _CROSSING
 
     def _ahead(self, t: float, x: np.ndarray) -> np.ndarray:
         """Rates of t and x (1 + nx,), those of velocities left out."""

@@ -279,7 +279,7 @@ class NativeProblem:
         """States (nx, n) at times (n,), brought onto the invariants where that is possible, with inputs (nu, n), or None where none matters."""
         if not self.integrand.projects or not t.size:
             return x
-        rows = np.ascontiguousarray(x.T)
+        rows = np.array(x.T, order="C")
         times, parameters = np.ascontiguousarray(t, dtype=float), np.ascontiguousarray(p, dtype=float)
         exact = None if self.integrand.masks else self.integrand.exact_projection
         if exact is None or self.integrand.numbers["through"] == Through.ALWAYS.value:

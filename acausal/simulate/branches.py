@@ -79,7 +79,7 @@ def _off(functions: Functions, passage: Passage, t0: float, t1: float, x: np.nda
             return ""
         largest = np.argsort(-np.abs(x[n:]), kind="stable")[:_SHOWN]
         return ", ".join(f"{names[i]} = {x[n + i]:.4g}" for i in sorted(int(i) for i in largest))
-    off, here = (_energy(functions, passage.problem, t0, x, v) for v in (found[n:] - x[n:], x[n:]))
+    off, here = (energy_of(functions, passage.problem, t0, x, v) for v in (found[n:] - x[n:], x[n:]))
     if off <= _OFF**2 * here:
         return ""
     largest = np.argsort(-np.abs(found[n:] - x[n:]), kind="stable")[:_SHOWN]
@@ -133,7 +133,7 @@ def _tears(functions: Functions, problem: Problem, t: float, x: np.ndarray) -> b
     return bool(np.any(np.abs(U.T @ bias)[flat, 0] > np.maximum(_BENT, _NEAR * s[flat]) * speed**2))
 
 
-def _energy(functions: Functions, problem: Problem, t: float, x: np.ndarray, v: np.ndarray) -> float:
+def energy_of(functions: Functions, problem: Problem, t: float, x: np.ndarray, v: np.ndarray) -> float:
     """Kinetic energy of velocities v, also where some are prescribed."""
     n, u, p = problem.positions, problem.inputs(np.array([t]))[:, 0], problem.parameters
     one, other, rest = (float(functions.kinetic_energy(t, np.concatenate([x[:n], f * v]), u, p)) for f in (1.0, -1.0, 0.0))

@@ -8,7 +8,9 @@ import numpy as np
 
 from acausal.charts.chart import Chart
 from acausal.collocation.problem import Problem, Solution
+from acausal.integrators.passage import passage_of
 from acausal.outputs.functions import Functions
+from acausal.simulate.branches import energy_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,19 +31,45 @@ class Piece:
         return self._in(seen, times, self.solution.dense(times))
 
     def states(self, times: np.ndarray, seen: Functions) -> np.ndarray:
-        """States (nx, n) of `seen` at times (n,), projected so that invariants hold."""
-        x, project, native = self.solution.dense(times), self.functions.projection, self.problem.native
+        """States (nx, n) of `seen` at times (n,), projected so that invariants hold; next to singular positions, where that throws states off, they are between
+        those to either side.
+        """
+        x = self.solution.dense(times)
+        return self._in(seen, times, self._on_branches(times, x, self._projected(times, x)))
+
+    def _projected(self, times: np.ndarray, x: np.ndarray) -> np.ndarray:
+        project, native = self.functions.projection, self.problem.native
         inputs = self.problem.with_modes(self.solution.modes).inputs
         if native is not None:
             matter = native.integrand.led or native.integrand.masks
-            x = native.projected(times, x, inputs(times) if matter else None, self.problem.parameters)
-        elif project is not None:
-            u, p = inputs(times), np.repeat(self.problem.parameters[:, None], times.size, axis=1)
-            projected = x
-            for _ in range(3):  # moving q opens the velocity rows a little; the next projection closes them
-                projected = np.array(project(times[None, :], projected, u, p)).reshape(x.shape)
-            x = np.where(np.all(np.isfinite(projected), axis=0), projected, x)
-        return self._in(seen, times, x)
+            return native.projected(times, x, inputs(times) if matter else None, self.problem.parameters)
+        if project is None:
+            return x
+        u, p, projected = inputs(times), np.repeat(self.problem.parameters[:, None], times.size, axis=1), x
+        for _ in range(3):  # moving q opens the velocity rows a little; the next projection closes them
+            projected = np.array(project(times[None, :], projected, u, p)).reshape(x.shape)
+        return np.where(np.all(np.isfinite(projected), axis=0), projected, x)
+
+    def _on_branches(self, times: np.ndarray, x: np.ndarray, projected: np.ndarray) -> np.ndarray:
+        """`projected`, but next to singular positions what lies between states to either side of x, where that is nearer to x: a motion that passes by turns
+        aside between these, one that leads through is thrown off by closing loops where it is.
+        """
+        problem = self.problem.with_modes(self.solution.modes)
+        passage, ends = passage_of(problem), np.unique(self.solution.t)
+        if passage is None or ends.size < 2:
+            return projected
+        for k in np.flatnonzero(passage.are_crossing(times, x.T)):
+            step = min(int(np.searchsorted(ends, times[k], side="right")), ends.size - 1)
+            found = passage.between(times[k], x[:, k], ends[step] - ends[step - 1])
+            if found is None or not np.isfinite(found).all():
+                continue
+            n = problem.positions
+            one, other = (
+                energy_of(self.functions, problem, times[k], x[:, k], (y - x[:, k])[n:]) for y in (found, projected[:, k])
+            )
+            if one < other:
+                projected[:, k] = found
+        return projected
 
     def _in(self, seen: Functions, times: np.ndarray, x: np.ndarray) -> np.ndarray:
         if seen is self.functions:
