@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.optimize import brentq, minimize_scalar
 
 import acausal as ac
 from acausal.errors import AccuracyWarning, LockedError, SimulationError, StartValueError
 from components import Particle, Prismatic, Revolute, Rod, Spherical, Universal, World
 from components.bodies import RigidBody
+from tests.exported import Library
 from tests.scenes import rotation
 from tests.test_near_fits import turned
 
@@ -420,3 +423,55 @@ def test_what_accelerates_from_rest_on_no_branch_is_told(length: float):
             lambda _, y: [y[1], -0.8 * G * np.cos(y[0]) / 0.74], (0, 0.5), [0, rate], "DOP853", run.t, rtol=1e-12, atol=1e-12
         )
         assert np.max(np.abs(run[scene.cross.q[0]] - swing.y[0])) < 1e-8
+
+
+BESIDE = np.sort(np.concatenate([[0.0], *np.outer([-1, 1], 10.0 ** np.arange(-9, -1.9, 0.5))]))
+"""Times [s] from a singular position at which states are read."""
+
+
+@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
+def test_what_is_read_next_to_a_flat_position_is_not_thrown_off_by_closing_loops_there(length: float, tmp_path: Path):
+    """Cranks of a parallelogram swing through it: their speeds, and that of the bar, which stays level, are those of one pendulum. In exports too."""
+    scene = ac.System()
+    scene.world = World((0, 0, -G * length))
+    left, right = (RigidBody.rod(1.0, (length, 0, 0), position=(x, 0, 0)) for x in (0.0, 2 * length))
+    bar = RigidBody.rod(1.0, (2 * length, 0, 0), position=(length, 0, 0))
+    scene.left, scene.right, scene.bar = left, right, bar
+    pins = [(scene.world, left, 0.0), (scene.world, right, 2.0), (left, bar, 1.0), (right, bar, 3.0)]
+    scene.pins = [Revolute.between(a, b, at=(x * length, 0, 0), axis="y") for a, b, x in pins]
+    start = {scene.pins[0].q: -0.5, scene.pins[1].q: -0.5, scene.pins[0].v: 0.0}
+
+    def swings(t: float, y: np.ndarray) -> list[float]:
+        return [y[1], 1.2 * G * np.cos(y[0])]
+
+    swing = solve_ivp(swings, (0, 0.6), [-0.5, 0], "DOP853", dense_output=True, rtol=1e-13, atol=1e-15).sol
+    flat = brentq(lambda t: swing(t)[0], 0.1, 0.5, xtol=1e-15)
+    times, model = flat + BESIDE, ac.build(scene)
+    run = model.simulate(0.6, start, rtol=1e-11, samples=2)
+    for pin, sense in zip(scene.pins[:3], (1, 1, -1), strict=True):
+        assert np.max(np.abs(run.at(times)[pin.v] - sense * swing(times)[1])) < 5e-11
+    if length == 1.0:
+        library = Library(model.export_simulator(tmp_path, start))
+        found = library.simulate([*times, 0.6], options=library.options(rtol=1e-11))[1][:, :-1]
+        assert np.max(np.abs(np.abs(found[-3:]) - swing(times)[1])) < 5e-11
+
+
+def test_energies_are_the_same_however_near_to_flat_positions_they_are_read():
+    """Of a linkage of rods, which a motion passes straight through or, by little, turns aside from."""
+    scene = Inversor(1.22, np.eye(3))
+    run = ac.build(scene).simulate(1.3, rtol=1e-12, samples=2)
+    sides = [scene.A.point.position, scene.P.point.position, scene.B.point.position]
+    looks = run.at(np.linspace(0, 1.3, 400))
+    A, P, B = (looks[side] for side in sides)
+    wide = np.linalg.norm(np.cross(P - A, B - A), axis=1)
+    flat = [k for k in range(1, 399) if wide[k] <= min(wide[k - 1], wide[k + 1])]
+    assert len(flat) == 5
+
+    def squashed(t: float) -> float:
+        A, P, B = (run.at([t])[side][0] for side in sides)
+        return float(np.linalg.norm(np.cross(P - A, B - A)))
+
+    for k in flat:
+        near = minimize_scalar(squashed, bounds=looks.t[[k - 1, k + 1]], method="bounded", options={"xatol": 1e-13}).x
+        read = run.at(near + BESIDE)
+        assert np.max(np.abs(read.energy - run.energy[0])) < 5e-10 * np.max(read.kinetic_energy)

@@ -21,6 +21,8 @@ _SLOPES = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 4 / 5, -1 / 5, 4 / 105, -1
 """The same for its derivative there."""
 _CORRECTIONS = 4
 _SEARCH = 30
+_NEARER = (1.0, 1 / 8, 1 / 64)
+"""Parts of the usual distance of points to either side, what a motion is read between."""
 
 
 @dataclass(frozen=True)
@@ -37,41 +39,56 @@ class Passage:
         assert self.problem.clearance is not None
         return np.array(self.problem.clearance(t[None, :], X.T, self._p(t.size)))[0]
 
-    def crossing(self, t: float, x: np.ndarray, h: float) -> float | None:
-        """How far [s] to go ahead and back from a state, in a step of size h, to have clearance; None where that leads nowhere."""
-        ahead = self._ahead(t, x)
+    def crossing(self, t: np.ndarray, X: np.ndarray, h: np.ndarray) -> np.ndarray:
+        """How far [s] (n,) to go ahead and back from states X (n, nx), in steps of size h, to have clearance; no number where that leads nowhere."""
+        ahead, tau, distance = self._ahead(t, X), h.copy(), np.full(t.size, np.inf)
 
-        def aside(tau: float) -> float:
-            """Distance there on average; distances grow in proportion to |tau|."""
-            both = np.array([[-tau], [tau]]) * ahead
-            return float(np.mean(np.sqrt(np.maximum(self.clearances(t + both[:, 0], x + both[:, 1:]), 0.0))))
+        def look(some: np.ndarray) -> None:
+            """Takes distances there on average; distances grow in proportion to |tau|."""
+            moved = np.concatenate([-tau[some], tau[some]])[:, None] * np.tile(ahead[some], (2, 1))
+            there = np.tile(t[some], 2) + moved[:, 0], np.tile(X[some], (2, 1)) + moved[:, 1:]
+            distance[some] = np.sqrt(np.maximum(self.clearances(*there), 0.0)).reshape(2, -1).mean(axis=0)
 
-        tau, distance = h, np.inf
-        for factor, wrong in ((0.25, lambda d: d > 2 * _AHEAD), (4.0, lambda d: d < 0.5 * _AHEAD)):
+        for factor, wrong in ((0.25, lambda: distance > 2 * _AHEAD), (4.0, lambda: distance < 0.5 * _AHEAD)):
             for _ in range(_SEARCH):
-                if not wrong(distance):
+                if not (some := wrong()).any():
                     break
-                tau *= factor
-                distance = aside(tau)
+                tau[some] *= factor
+                look(some)
         for _ in range(2):
-            if not 0 < distance < np.inf:
-                return None
-            tau *= _AHEAD / distance
-            distance = aside(tau)
-        return tau if 0.5 * _AHEAD < distance < 2 * _AHEAD else None
+            if (some := (distance > 0) & (distance < np.inf)).any():
+                tau[some] *= _AHEAD / distance[some]
+                look(some)
+        return np.where((distance > 0.5 * _AHEAD) & (distance < 2 * _AHEAD), tau, np.nan)
 
-    def points(self, t: float, x: np.ndarray, tau: float) -> tuple[np.ndarray, np.ndarray]:
-        """Times and states to either side, with closed loops."""
-        moved = tau * _NODES[:, None] * self._ahead(t, x)
-        times, X = t + moved[:, 0], x + moved[:, 1:]
+    def points(self, t: np.ndarray, X: np.ndarray, tau: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Times (n, 8) and states (n, 8, nx) to either side, with closed loops."""
+        moved = tau[:, None, None] * _NODES[:, None] * self._ahead(t, X)[:, None, :]
+        times, found = t[:, None] + moved[..., 0], X[:, None, :] + moved[..., 1:]
         for _ in range(_CORRECTIONS):
-            X = self.projected(times, X)
-        return times, X
+            found = self.projected(times.ravel(), found.reshape(times.size, -1)).reshape(found.shape)
+        return times, found
 
-    def between(self, t: float, x: np.ndarray, h: float) -> np.ndarray | None:
-        """The state between the points to either side of one at a singular position, on a branch; None where none are found."""
-        tau = self.crossing(t, x, h)
-        return None if tau is None else self.middle(self.points(t, x, tau)[1], tau)[0]
+    def between(self, t: np.ndarray, X: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        """States (n, nx) between the points to either side of those at a singular position, on a branch; no numbers where none are found."""
+        found, known = np.full(X.shape, np.nan), np.flatnonzero(tau > 0)
+        if not known.size:
+            return found
+        points = self.points(t[known], X[known], tau[known])[1]
+        good = np.isfinite(points).all(axis=(1, 2))
+        found[known[good]] = _WEIGHTS @ points[good]
+        return found
+
+    def nearest(self, t: np.ndarray, X: np.ndarray, closed: np.ndarray, h: np.ndarray, usual: np.ndarray) -> np.ndarray:
+        """Of states (n, nx) next to singular positions those whose velocities, times `usual` (nx,), are nearest to those of X: `closed`, where loops are closed at
+        X itself, or what lies between points to either side, nearer ones where the motion bends.
+        """
+        tau, best, n = self.crossing(t, X, h), closed, self.problem.positions
+        for part in _NEARER:
+            found = self.between(t, X, tau * part)
+            one, other = (np.linalg.norm(((Y - X) * usual)[:, n:], axis=1) for Y in (found, best))
+            best = np.where((one < other)[:, None], found, best)
+        return best
 
     def middle(self, values: np.ndarray, tau: float) -> tuple[np.ndarray, np.ndarray]:
         """Of values (8, n) at the points: what lies between them, and its rate."""
@@ -94,11 +111,11 @@ class Passage:
         """The same (n,) of states X (n, nx)."""
         return self.clearances(t, X) < _CROSSING
 
-    def _ahead(self, t: float, x: np.ndarray) -> np.ndarray:
-        """Rates of t and x (1 + nx,), those of velocities left out."""
-        rate = self.rates(np.array([t]), x[None, :])[0]
-        rate[self.problem.positions :] = 0.0
-        return np.concatenate([[1.0], rate])
+    def _ahead(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
+        """Rates of t and states (n, 1 + nx), those of velocities left out."""
+        rates = self.rates(t, X)
+        rates[:, self.problem.positions :] = 0.0
+        return np.concatenate([np.ones((t.size, 1)), rates], axis=1)
 
     def _p(self, n: int) -> np.ndarray:
         return np.repeat(self.problem.parameters[:, None], n, axis=1)

@@ -181,6 +181,37 @@ const double *masks_at(const Integrator *I, double t) {
     return last > 0 && t < I->times[last] ? I->step_sides + (last - 1) * I->held : I->state->side;
 }
 
+#define BETWEEN 3 /* distances of nodes from a singular position, that a motion is read between */
+
+/* How far the velocities of one state are from those of another, by how much those of loops are beside others. */
+static double velocities_apart(const Integrator *I, const double *x, const double *y) {
+    double sum = 0;
+    for (long i = I->positions; i < I->nx; i++) sum += (y[i] - x[i]) * I->usual[i] * ((y[i] - x[i]) * I->usual[i]);
+    return sum;
+}
+
+/* Takes into `closed`, where x is next to a singular position and loops are closed there, what lies between nodes to either side, nearer ones where the motion
+   bends, if that is nearer to x: a motion that passes by turns aside between these, one that leads through is thrown off by closing loops where it is. As
+   Passage.nearest of acausal/integrators/passage.py. */
+static void read_between(Integrator *I, double t, const double *x, double *closed) {
+    struct State *T = I->state;
+    double *found = T->increment, work = I->work, part = 1;
+    if (!present(&I->clearance) || !I->usual || (has_exact(I) && I->through == PAST) || !(clearance_at(I, t, x) < CROSSING)) return;
+    if (!T->begun || I->steps == I->first) { /* as it has been assembled */
+        memcpy(closed, x, sizeof(double) * (size_t)I->nx);
+        return;
+    }
+    long row = step_of(I, t) - I->first, evaluations = I->evaluations;
+    int known = rate_at(I, t, x, T->rate);
+    I->evaluations = evaluations, I->work = work; /* steps to come are chosen by these */
+    double tau = known ? crossing(I, T->point_in, T->point_out, 0, I->times[row + 1] - I->times[row]) : 0;
+    for (int k = 0; k < BETWEEN && tau > 0; k++, part /= CLOSER) {
+        close_nodes(I, T->point_in, T->point_out, 0, part * tau);
+        for (long i = 0; i < I->nx; i++) found[i] = continued(T->nodes, 1 + i);
+        if (velocities_apart(I, x, found) < velocities_apart(I, x, closed)) memcpy(closed, found, sizeof(double) * (size_t)I->nx);
+    }
+}
+
 /* The state (nx) at a time that the steps which are kept reach to, back on the invariants. Steps to come do not see it. */
 int state_at(Integrator *I, double t, double *x) {
     struct State *T = I->state;
@@ -199,6 +230,9 @@ int state_at(Integrator *I, double t, double *x) {
         memcpy(in + 1, out, sizeof(V) * (size_t)I->nx);
     }
     for (long i = 0; i < I->nx; i++) good &= isfinite(out[i][0]) != 0;
-    for (long i = 0; i < I->nx && good; i++) x[i] = out[i][0];
+    double *closed = T->before;
+    for (long i = 0; i < I->nx; i++) closed[i] = good ? out[i][0] : x[i];
+    read_between(I, t, x, closed);
+    memcpy(x, closed, sizeof(double) * (size_t)I->nx);
     return REACHED_END;
 }

@@ -73,13 +73,14 @@ def _check_freedoms(functions: Functions, passage: Passage, t: float, x: np.ndar
 def _off(functions: Functions, passage: Passage, t0: float, t1: float, x: np.ndarray) -> str:
     """What of the velocities of a state x (nx,) lies on no branch, in words; nothing if all do."""
     n, names = passage.problem.positions, functions.state_names[passage.problem.positions :]
-    found = passage.between(t0, x, t1 - t0)
-    if found is None or not np.isfinite(found).all():
+    start = np.array([t0]), x[None, :]
+    found = passage.between(*start, passage.crossing(*start, np.array([t1 - t0])))[0]
+    if not np.isfinite(found).all():
         if not _tears(functions, passage.problem, t0, x):
             return ""
         largest = np.argsort(-np.abs(x[n:]), kind="stable")[:_SHOWN]
         return ", ".join(f"{names[i]} = {x[n + i]:.4g}" for i in sorted(int(i) for i in largest))
-    off, here = (energy_of(functions, passage.problem, t0, x, v) for v in (found[n:] - x[n:], x[n:]))
+    off, here = (_energy(functions, passage.problem, t0, x, v) for v in (found[n:] - x[n:], x[n:]))
     if off <= _OFF**2 * here:
         return ""
     largest = np.argsort(-np.abs(found[n:] - x[n:]), kind="stable")[:_SHOWN]
@@ -133,7 +134,7 @@ def _tears(functions: Functions, problem: Problem, t: float, x: np.ndarray) -> b
     return bool(np.any(np.abs(U.T @ bias)[flat, 0] > np.maximum(_BENT, _NEAR * s[flat]) * speed**2))
 
 
-def energy_of(functions: Functions, problem: Problem, t: float, x: np.ndarray, v: np.ndarray) -> float:
+def _energy(functions: Functions, problem: Problem, t: float, x: np.ndarray, v: np.ndarray) -> float:
     """Kinetic energy of velocities v, also where some are prescribed."""
     n, u, p = problem.positions, problem.inputs(np.array([t]))[:, 0], problem.parameters
     one, other, rest = (float(functions.kinetic_energy(t, np.concatenate([x[:n], f * v]), u, p)) for f in (1.0, -1.0, 0.0))

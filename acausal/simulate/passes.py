@@ -73,13 +73,14 @@ def warn_if_missed(functions: Functions, run: Trajectory) -> bool:
 
 def _missed(part: Examined, functions: Functions, passage: Passage, found: _Pass) -> float:
     """What a pass misses a singular position of `part` by, as part of the size of its loops; 0 where the step is short enough to see it."""
-    tau = passage.crossing(found.t, found.x, found.h)
-    if tau is None:
+    nearest = np.array([found.t]), found.x[None, :]
+    tau = float(passage.crossing(*nearest, np.array([found.h]))[0])
+    if not tau > 0:
         return 0.0
     p, misses = passage.problem.parameters, list[float]()
     for ahead in tau / _NEARER:  # interpolated from far away, or rounded more
-        times, X = passage.points(found.t, found.x, float(ahead))
-        q = functions.space.expanded(times, X.T, p)[list(part.group.q_places)].T
+        times, X = passage.points(*nearest, np.array([ahead]))
+        q = functions.space.expanded(times[0], X[0].T, p)[list(part.group.q_places)].T
         values = p[: functions.outputs.system.p_values.size]
         missed = part.missed(*passage.middle(q, float(ahead)), found.t, values)
         if missed is not None:

@@ -7,10 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from acausal.charts.chart import Chart
-from acausal.collocation.problem import Problem, Solution
+from acausal.collocation.problem import Problem, Solution, Through
 from acausal.integrators.passage import passage_of
 from acausal.outputs.functions import Functions
-from acausal.simulate.branches import energy_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,20 +54,16 @@ class Piece:
         aside between these, one that leads through is thrown off by closing loops where it is.
         """
         problem = self.problem.with_modes(self.solution.modes)
-        passage, ends = passage_of(problem), np.unique(self.solution.t)
-        if passage is None or ends.size < 2:
+        passage, usual, h = passage_of(problem), self.functions.integrand.usual, np.diff(self.solution.t)
+        past = problem.exact is not None and problem.exact.through is Through.NEVER
+        if passage is None or past or usual is None or not h.any():
             return projected
-        for k in np.flatnonzero(passage.are_crossing(times, x.T)):
-            step = min(int(np.searchsorted(ends, times[k], side="right")), ends.size - 1)
-            found = passage.between(times[k], x[:, k], ends[step] - ends[step - 1])
-            if found is None or not np.isfinite(found).all():
-                continue
-            n = problem.positions
-            one, other = (
-                energy_of(self.functions, problem, times[k], x[:, k], (y - x[:, k])[n:]) for y in (found, projected[:, k])
-            )
-            if one < other:
-                projected[:, k] = found
+        some = np.flatnonzero(passage.are_crossing(times, x.T))
+        if some.size:
+            step = np.searchsorted(self.solution.t[:-1][h > 0], times[some], side="right") - 1
+            projected[:, some] = passage.nearest(
+                times[some], x.T[some], projected.T[some], h[h > 0][np.maximum(step, 0)], usual
+            ).T
         return projected
 
     def _in(self, seen: Functions, times: np.ndarray, x: np.ndarray) -> np.ndarray:
