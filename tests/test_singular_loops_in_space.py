@@ -431,7 +431,9 @@ BESIDE = np.sort(np.concatenate([[0.0], *np.outer([-1, 1], 10.0 ** np.arange(-9,
 
 @pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
 def test_what_is_read_next_to_a_flat_position_is_not_thrown_off_by_closing_loops_there(length: float, tmp_path: Path):
-    """Cranks of a parallelogram swing through it: their speeds, and that of the bar, which stays level, are those of one pendulum. In exports too."""
+    """Cranks of a parallelogram swing through it: their speeds and accelerations, and those of the bar, which stays level, are those of one pendulum, and each bears
+    half of the bar, there as elsewhere. In exports too.
+    """
     scene = ac.System()
     scene.world = World((0, 0, -G * length))
     left, right = (RigidBody.rod(1.0, (length, 0, 0), position=(x, 0, 0)) for x in (0.0, 2 * length))
@@ -447,13 +449,18 @@ def test_what_is_read_next_to_a_flat_position_is_not_thrown_off_by_closing_loops
     swing = solve_ivp(swings, (0, 0.6), [-0.5, 0], "DOP853", dense_output=True, rtol=1e-13, atol=1e-15).sol
     flat = brentq(lambda t: swing(t)[0], 0.1, 0.5, xtol=1e-15)
     times, model = flat + BESIDE, ac.build(scene)
-    run = model.simulate(0.6, start, rtol=1e-11, samples=2)
+    read = model.simulate(0.6, start, rtol=1e-11, samples=2).at(times)
+    (q, v), faster = swing(times), 1.2 * G * np.cos(swing(times)[0])
     for pin, sense in zip(scene.pins[:3], (1, 1, -1), strict=True):
-        assert np.max(np.abs(run.at(times)[pin.v] - sense * swing(times)[1])) < 5e-11
+        assert np.max(np.abs(read[pin.v] - sense * v)) < 5e-11
+        assert np.max(np.abs(read[ac.der(pin.v)] - sense * faster)) < 2e-8
+    forward = np.stack([-np.cos(q) * v**2 - np.sin(q) * faster, 0 * q, np.sin(q) * v**2 - np.cos(q) * faster + G], axis=1)
+    for pin in scene.pins[2:]:
+        assert np.max(np.abs(read[pin.frame_b.force] / length + forward / 2)) < 1e-6
     if length == 1.0:
         library = Library(model.export_simulator(tmp_path, start))
         found = library.simulate([*times, 0.6], options=library.options(rtol=1e-11))[1][:, :-1]
-        assert np.max(np.abs(np.abs(found[-3:]) - swing(times)[1])) < 5e-11
+        assert np.max(np.abs(np.abs(found[-3:]) - v)) < 5e-11
 
 
 def test_energies_are_the_same_however_near_to_flat_positions_they_are_read():

@@ -16,13 +16,20 @@ _CROSSING = 5e-5
 _AHEAD = 0.016
 _NODES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
 _WEIGHTS = np.array([-1 / 70, 4 / 35, -2 / 5, 4 / 5, 4 / 5, -2 / 5, 4 / 35, -1 / 70])
-"""Of a polynomial's values at the nodes, for its value at 0."""
+_INNER = np.array([0, 1 / 20, -3 / 10, 3 / 4, 3 / 4, -3 / 10, 1 / 20, 0])
+"""Of a polynomial's values at the nodes, for its value at 0; at the inner ones."""
 _SLOPES = np.array([1 / 280, -4 / 105, 1 / 5, -4 / 5, 4 / 5, -1 / 5, 4 / 105, -1 / 280])
 """The same for its derivative there."""
+_STRAIGHT = 1e-9
+"""Part of the velocities next to a singular position by which those between points to either side may differ, where nothing tells that the motion turns aside."""
+_SMOOTH = 1e-3
+"""Part of values at points to either side by which a polynomial through these may miss nearer ones."""
+_THROWN = 8.0
+"""Times as far as what lies between points to either side, that closing loops throws a state which is taken from there."""
 _CORRECTIONS = 4
 _SEARCH = 30
-_NEARER = (1.0, 1 / 8, 1 / 64)
-"""Parts of the usual distance of points to either side, what a motion is read between."""
+_NEARER = np.array([1.0, 1 / 8, 1 / 64])
+"""Parts of the usual distance of points to either side that a motion is read between."""
 
 
 @dataclass(frozen=True)
@@ -79,20 +86,55 @@ class Passage:
         found[known[good]] = _WEIGHTS @ points[good]
         return found
 
-    def nearest(self, t: np.ndarray, X: np.ndarray, closed: np.ndarray, h: np.ndarray, usual: np.ndarray) -> np.ndarray:
-        """Of states (n, nx) next to singular positions those whose velocities, times `usual` (nx,), are nearest to those of X: `closed`, where loops are closed at
-        X itself, or what lies between points to either side, nearer ones where the motion bends.
+    def nearest(
+        self, t: np.ndarray, X: np.ndarray, closed: np.ndarray, h: np.ndarray, usual: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Of states (n, nx) next to singular positions `closed`, where loops are closed at X itself, or what lies between points to either side, nearer ones where
+        the motion bends: those whose velocities, times `usual` (nx,), are nearest to those of X by far. And how far these are [s] (n, 3), no numbers where the
+        motion does not lead straight through.
         """
-        tau, best, n = self.crossing(t, X, h), closed, self.problem.positions
-        for part in _NEARER:
-            found = self.between(t, X, tau * part)
-            one, other = (np.linalg.norm(((Y - X) * usual)[:, n:], axis=1) for Y in (found, best))
-            best = np.where((one < other)[:, None], found, best)
-        return best
 
-    def middle(self, values: np.ndarray, tau: float) -> tuple[np.ndarray, np.ndarray]:
-        """Of values (8, n) at the points: what lies between them, and its rate."""
-        return _WEIGHTS @ values, _SLOPES @ values / tau
+        def size(V: np.ndarray) -> np.ndarray:
+            return np.linalg.norm((V * usual)[:, self.problem.positions :], axis=1)
+
+        least = (
+            2 * np.sqrt(np.maximum(self.clearances(t, X), 0.0)) / _AHEAD
+        )  # one to either side would come to lie in the position itself
+        aside = self.crossing(t, X, h)[:, None] * np.maximum(_NEARER, least[:, None])
+        best, off = closed, size(closed - X) / _THROWN
+        straight = np.zeros(t.size, dtype=bool)
+        for tau in aside.T:
+            found = self.between(t, X, tau)
+            moved = size(found - X)
+            straight |= moved < np.maximum(off, _STRAIGHT * size(X))
+            best = np.where((moved < off)[:, None], found, best)
+            off = np.fmin(moved, off)
+        return best, np.where(straight[:, None], aside, np.nan)
+
+    def bends(self, far: np.ndarray, near: np.ndarray) -> np.ndarray:
+        """(n,): where near points to either side tell more than far ones, though rounding errors are larger in them: where these, of values (rows, n, 8), differ
+        less from near ones than without the outermost points they do.
+        """
+        found, other, inner = self.middle(far), self.middle(near), far @ _INNER
+        less, more = np.abs(found - other) < np.abs(found - inner), np.abs(found - other) > np.abs(found - inner)
+        return less.sum(axis=0) > more.sum(axis=0)
+
+    def is_smooth(self, far: np.ndarray, near: np.ndarray, part: np.ndarray) -> np.ndarray:
+        """(n,): where values (rows, n, 8) at points to either side, and at `part` (n,) of their distance, belong to one polynomial. They do not where a force
+        becomes infinite in between.
+        """
+        powers = np.arange(_NODES.size)
+        nearer = (part[:, None, None] * _NODES[:, None]) ** powers @ np.linalg.inv(_NODES[:, None] ** powers)
+        missed = np.abs(near - np.einsum("rnk,njk->rnj", far, nearer))
+        return missed.max(axis=(0, 2)) <= _SMOOTH * np.abs(far).max(axis=(0, 2))
+
+    def middle(self, values: np.ndarray) -> np.ndarray:
+        """What lies between `values` (..., 8) at the points."""
+        return values @ _WEIGHTS
+
+    def slope(self, values: np.ndarray, tau: float) -> np.ndarray:
+        """Its rate."""
+        return values @ _SLOPES / tau
 
     def rates(self, t: np.ndarray, X: np.ndarray) -> np.ndarray:
         """(n, nx)."""

@@ -54,13 +54,14 @@ _KEPT, _DEPTH = 512, 100
 @dataclass(frozen=True)
 class Reading:
     """How an expression is read of a motion: `series` gives its column, `shape` says what it is. `of_dynamics`: its inputs are followed by what
-    the dynamics give; `of_loops`: and then by what redundant loops bear. `angle`: known up to full turns.
+    the dynamics give; `of_loops`: and then by what redundant loops bear. `of_forces`: not by rates of states alone. `angle`: known up to full turns.
     """
 
     series: Series
     shape: tuple[int, int]
     of_dynamics: bool
     of_loops: bool
+    of_forces: bool
     angle: bool
 
 
@@ -576,10 +577,12 @@ class Functions:
         column = ca.vec(ca.densify(self.space.put(shared)))
         of_loops = borne.numel() > 0 and ca.depends_on(column, borne)
         of_dynamics = of_loops or ca.depends_on(column, given)
+        of_forces = of_loops or ca.depends_on(column, given[self.outputs.system.x_dot.numel() :])
         t, x, u, p = self.space.arguments
         inputs = ca.vertcat(u, *(given,) * of_dynamics, *(borne,) * of_loops)
         angle = isinstance(wanted, Expression) and self.outputs.is_angle(wanted)
-        return Reading(Series(ca.Function("series", [t, x, inputs, p], [column])), shared.shape, of_dynamics, of_loops, angle)
+        series = Series(ca.Function("series", [t, x, inputs, p], [column]))
+        return Reading(series, shared.shape, of_dynamics, of_loops, of_forces, angle)
 
     @functools.cached_property
     def _readings(self) -> dict[Any, list[tuple[Expression, Reading]]]:

@@ -182,8 +182,9 @@ const double *masks_at(const Integrator *I, double t) {
 }
 
 #define BETWEEN 3 /* distances of nodes from a singular position, that a motion is read between */
+#define THROWN 8 /* times as far as what lies between these, that closing loops throws a state which is taken from there */
 
-/* How far the velocities of one state are from those of another, by how much those of loops are beside others. */
+/* The square of how far the velocities of one state are from those of another, by how much those of loops are beside others. */
 static double velocities_apart(const Integrator *I, const double *x, const double *y) {
     double sum = 0;
     for (long i = I->positions; i < I->nx; i++) sum += (y[i] - x[i]) * I->usual[i] * ((y[i] - x[i]) * I->usual[i]);
@@ -191,12 +192,13 @@ static double velocities_apart(const Integrator *I, const double *x, const doubl
 }
 
 /* Takes into `closed`, where x is next to a singular position and loops are closed there, what lies between nodes to either side, nearer ones where the motion
-   bends, if that is nearer to x: a motion that passes by turns aside between these, one that leads through is thrown off by closing loops where it is. As
+   bends, if that is much nearer to x: a motion that passes by turns aside between these, one that leads through is thrown off by closing loops where it is. As
    Passage.nearest of acausal/integrators/passage.py. */
 static void read_between(Integrator *I, double t, const double *x, double *closed) {
     struct State *T = I->state;
-    double *found = T->increment, work = I->work, part = 1;
-    if (!present(&I->clearance) || !I->usual || (has_exact(I) && I->through == PAST) || !(clearance_at(I, t, x) < CROSSING)) return;
+    double *found = T->increment, work = I->work, part = 1, clear = INFINITY;
+    if (present(&I->clearance) && I->usual && !(has_exact(I) && I->through == PAST)) clear = clearance_at(I, t, x);
+    if (!(clear < CROSSING)) return;
     if (!T->begun || I->steps == I->first) { /* as it has been assembled */
         memcpy(closed, x, sizeof(double) * (size_t)I->nx);
         return;
@@ -204,11 +206,13 @@ static void read_between(Integrator *I, double t, const double *x, double *close
     long row = step_of(I, t) - I->first, evaluations = I->evaluations;
     int known = rate_at(I, t, x, T->rate);
     I->evaluations = evaluations, I->work = work; /* steps to come are chosen by these */
-    double tau = known ? crossing(I, T->point_in, T->point_out, 0, I->times[row + 1] - I->times[row]) : 0;
+    double tau = known ? crossing(I, T->point_in, T->point_out, 0, I->times[row + 1] - I->times[row]) : 0, least = 2 * sqrt(fmax(clear, 0)) / AHEAD;
+    double off = velocities_apart(I, x, closed) / (THROWN * THROWN);
     for (int k = 0; k < BETWEEN && tau > 0; k++, part /= CLOSER) {
-        close_nodes(I, T->point_in, T->point_out, 0, part * tau);
+        close_nodes(I, T->point_in, T->point_out, 0, tau * fmax(part, least)); /* one of them would come to lie in the position itself */
         for (long i = 0; i < I->nx; i++) found[i] = continued(T->nodes, 1 + i);
-        if (velocities_apart(I, x, found) < velocities_apart(I, x, closed)) memcpy(closed, found, sizeof(double) * (size_t)I->nx);
+        double moved = velocities_apart(I, x, found);
+        if (moved < off) memcpy(closed, found, sizeof(double) * (size_t)I->nx), off = moved;
     }
 }
 

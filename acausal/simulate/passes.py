@@ -80,9 +80,9 @@ def _missed(part: Examined, functions: Functions, passage: Passage, found: _Pass
     p, misses = passage.problem.parameters, list[float]()
     for ahead in tau / _NEARER:  # interpolated from far away, or rounded more
         times, X = passage.points(*nearest, np.array([ahead]))
-        q = functions.space.expanded(times[0], X[0].T, p)[list(part.group.q_places)].T
+        q = functions.space.expanded(times[0], X[0].T, p)[list(part.group.q_places)]
         values = p[: functions.outputs.system.p_values.size]
-        missed = part.missed(*passage.middle(q, float(ahead)), found.t, values)
+        missed = part.missed(passage.middle(q), passage.slope(q, float(ahead)), found.t, values)
         if missed is not None:
             misses.append(missed[0] if missed[1] * found.h > _LONG * missed[0] else 0.0)
     return min(misses, default=0.0)

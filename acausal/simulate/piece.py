@@ -29,12 +29,13 @@ class Piece:
         """States (nx, n) of `seen` at times (n,), as they are interpolated."""
         return self._in(seen, times, self.solution.dense(times))
 
-    def states(self, times: np.ndarray, seen: Functions) -> np.ndarray:
+    def states(self, times: np.ndarray, seen: Functions) -> tuple[np.ndarray, np.ndarray]:
         """States (nx, n) of `seen` at times (n,), projected so that invariants hold; next to singular positions, where that throws states off, they are between
-        those to either side.
+        those to either side. And how far these are [s] (n, 3), nearer and nearer ones; no numbers elsewhere.
         """
         x = self.solution.dense(times)
-        return self._in(seen, times, self._on_branches(times, x, self._projected(times, x)))
+        found, aside = self._on_branches(times, x, self._projected(times, x))
+        return self._in(seen, times, found), np.where(seen is self.functions, aside, np.nan)
 
     def _projected(self, times: np.ndarray, x: np.ndarray) -> np.ndarray:
         project, native = self.functions.projection, self.problem.native
@@ -49,22 +50,24 @@ class Piece:
             projected = np.array(project(times[None, :], projected, u, p)).reshape(x.shape)
         return np.where(np.all(np.isfinite(projected), axis=0), projected, x)
 
-    def _on_branches(self, times: np.ndarray, x: np.ndarray, projected: np.ndarray) -> np.ndarray:
+    def _on_branches(self, times: np.ndarray, x: np.ndarray, projected: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """`projected`, but next to singular positions what lies between states to either side of x, where that is nearer to x: a motion that passes by turns
-        aside between these, one that leads through is thrown off by closing loops where it is.
+        aside between these, one that leads through is thrown off by closing loops where it is. And how far these are.
         """
-        problem = self.problem.with_modes(self.solution.modes)
-        passage, usual, h = passage_of(problem), self.functions.integrand.usual, np.diff(self.solution.t)
-        past = problem.exact is not None and problem.exact.through is Through.NEVER
-        if passage is None or past or usual is None or not h.any():
-            return projected
-        some = np.flatnonzero(passage.are_crossing(times, x.T))
-        if some.size:
-            step = np.searchsorted(self.solution.t[:-1][h > 0], times[some], side="right") - 1
-            projected[:, some] = passage.nearest(
-                times[some], x.T[some], projected.T[some], h[h > 0][np.maximum(step, 0)], usual
-            ).T
-        return projected
+        problem, aside = self.problem.with_modes(self.solution.modes), np.full((times.size, 3), np.nan)
+        passage, past = passage_of(problem), problem.exact is not None and problem.exact.through is Through.NEVER
+        if passage is None or past:
+            return projected, aside
+        some, usual, h = (
+            np.flatnonzero(passage.are_crossing(times, x.T)),
+            self.functions.integrand.usual,
+            np.diff(self.solution.t),
+        )
+        if some.size and usual is not None and h.any():
+            step = np.maximum(np.searchsorted(self.solution.t[:-1][h > 0], times[some], side="right") - 1, 0)
+            found, aside[some] = passage.nearest(times[some], x.T[some], projected.T[some], h[h > 0][step], usual)
+            projected[:, some] = found.T
+        return projected, aside
 
     def _in(self, seen: Functions, times: np.ndarray, x: np.ndarray) -> np.ndarray:
         if seen is self.functions:

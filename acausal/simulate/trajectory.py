@@ -29,6 +29,7 @@ from acausal.outputs.functions import Functions, Reading
 from acausal.outputs.outputs import Outputs
 from acausal.runtime.kernels import How
 from acausal.runtime.series import Series
+from acausal.simulate.beside import Beside, beside
 from acausal.simulate.events import Event
 from acausal.simulate.piece import Piece
 from acausal.simulate.transitions import ModesOfPart, Transitions, modes_of_part, strips_of, transitions_of
@@ -89,7 +90,7 @@ class Trajectory:
             self.initial,
             self.t,
             self.watched,
-            (self.x, self.u, self._clock),
+            (self.x, self.u, self._clock, self._aside),
         )
 
     def __deepcopy__(self, memo: dict[int, Any]) -> Trajectory:
@@ -151,19 +152,31 @@ class Trajectory:
 
     def given(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Trajectory:
         """Read at times (n,) in states (nx, n) and with inputs (nu, n) that are known."""
-        return _read(self.functions, self.problem, self.pieces, self.initial, t, self.watched, (x, u, t))
+        return _read(
+            self.functions, self.problem, self.pieces, self.initial, t, self.watched, (x, u, t, np.full((t.size, 3), np.nan))
+        )
 
     @functools.cached_property
     def x(self) -> np.ndarray:
         """States at `t`, (nx, n): the integrator's interpolant, projected so that invariants hold between steps too."""
+        return self._states[0]
+
+    @functools.cached_property
+    def _aside(self) -> np.ndarray:
+        """How far [s] (n, 3) to go to either side from states next to singular positions that the motion leads straight through; no numbers elsewhere."""
+        return self._states[1]
+
+    @functools.cached_property
+    def _states(self) -> tuple[np.ndarray, np.ndarray]:
         if len(self.pieces) == 1:
             return self.pieces[0].states(self.t, self.functions)
-        x = np.empty((len(self.functions.state_names), self.t.size))
+        x, aside = np.empty((len(self.functions.state_names), self.t.size)), np.empty((self.t.size, 3))
         ends = np.array([piece.solution.t[-1] for piece in self.pieces])
         owner = np.minimum(np.searchsorted(ends, self.t), len(self.pieces) - 1)
         for k in np.unique(owner):
-            x[:, owner == k] = self.pieces[k].states(self.t[owner == k], self.functions)
-        return x
+            some = owner == k
+            x[:, some], aside[some] = self.pieces[k].states(self.t[some], self.functions)
+        return x, aside
 
     @functools.cached_property
     def _clock(self) -> np.ndarray:
@@ -232,7 +245,10 @@ class Trajectory:
     def _values(self, reading: Reading) -> np.ndarray:
         """(rows, n)."""
         given = self._given_by_loops if reading.of_loops else self._given_by_dynamics if reading.of_dynamics else None
-        return self._evaluate(reading.series, given)
+        values = self._evaluate(reading.series, given)
+        if not reading.of_dynamics or self._beside is None:
+            return values
+        return self._beside.between(values, lambda run: run._values(reading), reading.of_forces)
 
     def _unwound(self, reading: Reading, values: np.ndarray) -> np.ndarray:
         """Angles `values` (rows, n) that are known up to full turns, with those that they have made since the start, however few times are read."""
@@ -266,6 +282,15 @@ class Trajectory:
         """With what the dynamics give before it."""
         given = self._given_by_dynamics
         return np.concatenate((given, self._evaluate(self.functions.series(self.functions.given_by_loops), given)))
+
+    @property
+    def state_rates(self) -> np.ndarray:
+        """Those of all states of the reduced system, (nx, n)."""
+        return self._given_by_dynamics[: self.outputs.system.x_dot.numel()]
+
+    @functools.cached_property
+    def _beside(self) -> Beside | None:
+        return beside(self, self._aside)
 
     @functools.cached_property
     def kinetic_energy(self) -> np.ndarray:
@@ -441,9 +466,9 @@ def _read(
     initial: InitialState,
     t: np.ndarray,
     watched: tuple[when, ...],
-    known: tuple[np.ndarray, np.ndarray, np.ndarray],
+    known: tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray],
 ) -> Trajectory:
-    """With states, inputs and the clock as they are."""
+    """With states, inputs, the clock, and what is beside singular positions, as they are."""
     run = Trajectory(functions, problem, pieces, initial, t, watched)
-    run.__dict__.update(zip(("x", "u", "_clock"), known, strict=True))
+    run.__dict__.update(zip(("x", "u", "_clock", "_aside"), known, strict=True))
     return run
