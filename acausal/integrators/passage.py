@@ -15,6 +15,8 @@ from acausal.numerics.staged import plain
 _CROSSING = 5e-5
 _AHEAD = 0.016
 _NODES = np.array([-4.0, -3.0, -2.0, -1.0, 1.0, 2.0, 3.0, 4.0])
+POINTS = _NODES.size
+"""To either side of a state, together."""
 _WEIGHTS = np.array([-1 / 70, 4 / 35, -2 / 5, 4 / 5, 4 / 5, -2 / 5, 4 / 35, -1 / 70])
 _INNER = np.array([0, 1 / 20, -3 / 10, 3 / 4, 3 / 4, -3 / 10, 1 / 20, 0])
 """Of a polynomial's values at the nodes, for its value at 0; at the inner ones."""
@@ -123,7 +125,7 @@ class Passage:
         """(n,): where values (rows, n, 8) at points to either side, and at `part` (n,) of their distance, belong to one polynomial. They do not where a force
         becomes infinite in between.
         """
-        powers = np.arange(_NODES.size)
+        powers = np.arange(POINTS)
         nearer = (part[:, None, None] * _NODES[:, None]) ** powers @ np.linalg.inv(_NODES[:, None] ** powers)
         missed = np.abs(near - np.einsum("rnk,njk->rnj", far, nearer))
         return missed.max(axis=(0, 2)) <= _SMOOTH * np.abs(far).max(axis=(0, 2))

@@ -20,6 +20,7 @@ from acausal.collocation.inputs import Inputs
 from acausal.collocation.modes import WithModes
 from acausal.collocation.problem import Interpolant, Problem, Solution, Statistics, Status, together
 from acausal.errors import OptionError
+from acausal.integrators.passage import passage_of
 from acausal.language.component import Component, System
 from acausal.language.expression import Expression, Reaction
 from acausal.language.when import when
@@ -29,7 +30,7 @@ from acausal.outputs.functions import Functions, Reading
 from acausal.outputs.outputs import Outputs
 from acausal.runtime.kernels import How
 from acausal.runtime.series import Series
-from acausal.simulate.beside import Beside, beside
+from acausal.simulate.beside import Beside
 from acausal.simulate.events import Event
 from acausal.simulate.piece import Piece
 from acausal.simulate.transitions import ModesOfPart, Transitions, modes_of_part, strips_of, transitions_of
@@ -283,14 +284,21 @@ class Trajectory:
         given = self._given_by_dynamics
         return np.concatenate((given, self._evaluate(self.functions.series(self.functions.given_by_loops), given)))
 
-    @property
-    def state_rates(self) -> np.ndarray:
-        """Those of all states of the reduced system, (nx, n)."""
-        return self._given_by_dynamics[: self.outputs.system.x_dot.numel()]
-
     @functools.cached_property
-    def _beside(self) -> Beside | None:
-        return beside(self, self._aside)
+    def _beside(self) -> Beside[Trajectory] | None:
+        passage, some = passage_of(self.problem), np.flatnonzero(self._aside[:, 0] > 0)
+        if passage is None or not some.size:
+            return None
+
+        def moved(tau: np.ndarray) -> Trajectory:
+            times, X = passage.points(self.t[some], self.x.T[some], tau)
+            return self.given(times.ravel(), X.reshape(times.size, -1).T, self.problem.inputs(times.ravel()))
+
+        def rates(run: Trajectory) -> np.ndarray:
+            return run._given_by_dynamics[: self.outputs.system.x_dot.numel()]
+
+        far, near = self._aside[some, 0], self._aside[some, 1]
+        return Beside(passage, some, moved(far), moved(near), near / far, rates)
 
     @functools.cached_property
     def kinetic_energy(self) -> np.ndarray:
