@@ -482,3 +482,7 @@ def test_energies_are_the_same_however_near_to_flat_positions_they_are_read():
         near = minimize_scalar(squashed, bounds=looks.t[[k - 1, k + 1]], method="bounded", options={"xatol": 1e-13}).x
         read = run.at(near + BESIDE)
         assert np.max(np.abs(read.energy - run.energy[0])) < 5e-10 * np.max(read.kinetic_energy)
+        if k == flat[0]:  # there rods pull across one another without end
+            times = np.array([3e-3, 1e-3, 3e-4])
+            before, after = (run.at(near + sense * times)[scene.rods[3].frame_a.force][:, 1] for sense in (-1, 1))
+            assert (before - after) * times == pytest.approx(2 * before[0] * times[0], rel=0.1)
