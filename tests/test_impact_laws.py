@@ -26,6 +26,7 @@ from components import (
     TranslationalGround,
     World,
 )
+from tests.drawn import SEEDS, Drawn
 
 
 def row_of_balls(restitution: object, order: list[int], speeds: list[float], apart: float = 0.0) -> list[float]:
@@ -230,28 +231,35 @@ def test_slip_stops_and_turns_round_in_an_impact_by_energy() -> None:
     assert found == pytest.approx([slip, 0, rate], abs=1e-12)
 
 
-@pytest.mark.parametrize("back", [0.0, 0.6, 1.0])
-def test_a_superball_gives_back_its_spin(back: float) -> None:
-    """Garwin, Am. J. Phys. 37 (1969): the slip u = v + w r comes back as -e u by an impulse 2/7 m (1 + e) u; with e = 1 to and fro without a loss."""
-    m, r, v, w, down = 0.05, 0.03, 1.3, 20.0, -2.0
-    scene = ac.System()
-    scene.world, scene.ball = World(None), RigidBody.ball(m, r)
-    scene.floor = Contact(Sphere(r), Plane(), Hard(1.0, Coulomb(5.0, restitution=back)))
-    scene.connect(scene.world.frame, scene.floor.frame_a)
-    scene.connect(scene.floor.frame_b, scene.ball.frame)
-    frame = scene.ball.frame
-    start = {
-        frame.position: (0, 0, r),
-        frame.velocity: (v, 0, down),
-        frame.angular_velocity: (0, w, 0),
-        frame.rotation: np.eye(3),
-    }
-    run = ac.build(scene).simulate(0.0, start, rtol=1e-12)
-    blow = -2 / 7 * (1 + back) * (v - w * r)
-    assert run[frame.velocity][-1] == pytest.approx([v + blow, 0, -down], abs=1e-13)
-    assert run[frame.angular_velocity][-1] == pytest.approx([0, w - 2.5 * blow / r, 0], abs=1e-11)
-    if back == 1:
-        assert v**2 + 0.4 * (w * r) ** 2 == pytest.approx((v + blow) ** 2 + 0.4 * (w * r - 2.5 * blow) ** 2, rel=1e-13)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_superball_gives_back_its_spin(seed: int) -> None:
+    """Garwin, Am. J. Phys. 37 (1969): the slip u comes back as -e u by an impulse m (1 + e) u / (1 + 1 / c), of an inertia c m r^2; with e = 1 to and fro without a loss."""
+    of = Drawn(seed)
+    m, r, c, Q = of.M, of.L * of.within(0.1, 1), of.within(0.2, 0.66), of.turn()
+    v, w = of.speed * of.rng.normal(size=3), of.speed / r * of.rng.normal(size=3)
+    v[2] = -abs(v[2])
+    slip = (v + np.cross(w, [0, 0, -r])) * [1, 1, 0]
+    fast = np.linalg.norm(v) + r * np.linalg.norm(w)
+    for back in (0.0, of.within(0.1, 0.9), 1.0):
+        grip = (1 + back) * np.linalg.norm(slip) / (1 + 1 / c) / (2 * -v[2])  # the coefficient that this takes
+        scene = ac.System()
+        scene.world, scene.ball = World(None), RigidBody(m, (c * m * r * r,) * 3)
+        scene.floor = Contact(Sphere(r), Plane(), Hard(1.0, Coulomb(1.01 * grip, restitution=back)))
+        scene.connect(scene.world.at((0, 0, 0), rotation=Q), scene.floor.frame_a)
+        scene.connect(scene.floor.frame_b, scene.ball.frame)
+        frame = scene.ball.frame
+        start = {
+            frame.position: Q @ (0, 0, r),
+            frame.velocity: Q @ v,
+            frame.angular_velocity: Q @ w,
+            frame.rotation: np.eye(3),
+        }
+        run = ac.build(scene).simulate(0.0, start, rtol=1e-12)
+        blow = -(1 + back) * slip / (1 + 1 / c)
+        after, turns = v * [1, 1, -1] + blow, w + np.cross([0, 0, -r], blow) / (c * r * r)
+        assert run[frame.velocity][-1] @ Q == pytest.approx(after, abs=1e-12 * fast)
+        assert run[frame.angular_velocity][-1] @ Q == pytest.approx(turns, abs=1e-12 * fast / r)
+    assert v @ v + c * r * r * (w @ w) == pytest.approx(after @ after + c * r * r * (turns @ turns), rel=1e-13)
 
 
 def test_newtons_law_with_friction_that_gains_energy_is_named_and_energy_is_not_gained_by_others() -> None:
