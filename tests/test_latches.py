@@ -23,9 +23,12 @@ from components import (
     Particle,
     PointLatch,
     PointOnPlane,
+    PrescribedMotion,
     Prismatic,
+    Pulley,
     Revolute,
     RigidBody,
+    Rope,
     SlidingMass,
     Spherical,
     Torque,
@@ -33,6 +36,7 @@ from components import (
     TranslationalSpring,
     World,
 )
+from tests.drawn import SEEDS, Drawn
 
 
 def boxes(first: float, second: float, opens: float, size: float = 1.0) -> tuple[ac.System, ac.Model]:
@@ -552,3 +556,39 @@ def test_what_is_held_at_the_start_is_assembled_from_a_sketch_and_moves_along_as
         assert np.abs(gap).max() < 1e-10 * size
         ends.append(np.concatenate([run[scene.hinge.q], run[tip.position / size].ravel()]))
     assert ends[0] == pytest.approx(ends[1], abs=2e-8)
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_box_that_a_gripper_lifts_by_a_rope_over_pulleys_hangs_for_a_hundred_seconds(seed: int) -> None:
+    """A winch draws the rope of a gripper by t^3 (10 - 15 t + 6 t^2), and holds it: the box follows its law, and then moves by no more than what roundings of its weight make of it."""
+    of = Drawn(seed)
+    L, T, g = of.L, 4 * np.sqrt(of.L / 9.81), 9.81
+    claw, load = of.M * of.rng.uniform(0.2, 3, 2)
+    r, apart, high, way, reach = L * of.rng.uniform((0.1, 0.5, 2.5, 0.3, 0.3), (0.3, 1, 4, 1, 0.6))
+    size = L * np.array([0.2, 0.3, 0.2])
+    lifted, drawn = reach + size[2] / 2, (ac.time - T) / T
+    winch = high - way / 2 - way * np.where(drawn < 0, 0, np.where(drawn < 1, drawn**3 * (10 - 15 * drawn + 6 * drawn**2), 1))
+    scene = ac.System()
+    scene.world, scene.hand = World((0, 0, -g)), Gripper(held=True)
+    bodies = [RigidBody.box(claw, tuple(size)), RigidBody.box(load, tuple(size))]
+    scene.bodies = [bodies[k] for k in of.order(2)]
+    scene.drive = PrescribedMotion(position=(apart + r, 0, winch))
+    pulleys = (Pulley(scene.world.at((0, 0, high)), r), Pulley(scene.world.at((apart, 0, high)), r))
+    scene.rope = Rope(high - lifted + np.pi * r + apart + way / 2, over=pulleys)
+    scene.connect(scene.world.frame, scene.drive.frame_a)
+    scene.connect(bodies[0].frame, scene.rope.frame_a, scene.hand.frame_a)
+    scene.connect(scene.rope.frame_b, scene.drive.frame_b)
+    scene.connect(scene.hand.frame_b, bodies[1].frame)
+    upper, lower = (body.frame for body in bodies)
+    start = {upper.position: (-r, 0, lifted), lower.position: (-r, 0, size[2] / 2)}
+    run = ac.build(scene).simulate(100.0 * np.sqrt(L), start, rtol=1e-10, compiled=False)
+    s = np.clip(run.t / T - 1, 0, 1)
+    rises = way * s**3 * (10 - 15 * s + 6 * s**2)
+    for frame, z in ((upper, lifted), (lower, size[2] / 2)):
+        assert run[frame.position] == pytest.approx(np.array([-r + 0 * s, 0 * s, z + rises]).T, abs=1e-9 * L)
+    held = run.t > 3 * T
+    assert np.ptp(run[lower.position][held], axis=0).max() < 2e-16 * g * run.t[-1] ** 2  # roundings of the weights, at most
+    middle = run.at([1.5 * T, 70 * T])
+    assert middle[scene.rope.tension].ravel() == pytest.approx(g * (claw + load), rel=1e-9)  # at 3/2 T it does not accelerate
+    assert np.linalg.norm(middle[scene.hand.force].reshape(2, 3)[1]) == pytest.approx(g * load, rel=1e-9)
+    assert not run.transitions
