@@ -1,4 +1,4 @@
-"""What goes one way only, looked at when a run has ended: inside of steps it must hold what it holds, and pass nothing back.
+"""What goes one way only, looked at when a run has ended: inside of steps it must hold what it holds, and pass nothing back; and what holds the same as others does must be closed.
 
 Instants at which valves change are decided by what is driven next; where nothing but rounding tells that, they may be taken for what they are not.
 """
@@ -24,6 +24,8 @@ _HELD, _BACK = 1e-6, 1e-3
 """Of the power that the scene moves, what nothing loses; of the largest ones of the run, what may pass where an end has been overlooked."""
 _NOISE = 1e3
 """Times what rounding makes of it, what is none."""
+_APART = 1e8
+"""Roundings of a gap that is not closed: what a creep by roundings of forces does not come to."""
 
 
 def warn_if_passed_back(functions: Functions, run: Trajectory) -> bool:
@@ -49,6 +51,30 @@ def warn_if_passed_back(functions: Functions, run: Trajectory) -> bool:
             if np.abs(value[*place]) > _NOISE * _rounding(functions, run, known, t):
                 _warn(row, t, float(moved[*place]), float(passed[*place]), bool(closed[*place]))
                 return True
+    return False
+
+
+def warn_if_led_away(functions: Functions, run: Trajectory) -> bool:
+    """Say so when what is closed, beside others that hold the same, is not where time leads it: forces that share what cannot be do not tell that one of them gives way; whether it does."""
+    modes, met, steps = functions.outputs.system.modes, run.solution.modes, np.flatnonzero(np.diff(run.steps.t) > 0)
+    rows = [] if modes is None or not modes.redundant else list(enumerate(modes.rows))
+    rows = [(k, row) for k, row in rows if row.one_sided and not row.one_way]
+    if met is None or not steps.size or not any(ca.depends_on(row.moved, functions.outputs.system.t) for _, row in rows):
+        return False
+    steps = steps[spread(steps.size, _LOOKS)]
+    inside = run.at((run.steps.t[steps] + run.steps.t[steps + 1]) / 2)
+    closed = met.at_ends(run.steps.t.size)[[k for k, _ in rows]][:, steps] == 1
+    for (_, row), holds in zip(rows, closed, strict=True):
+        gaps = np.where(holds, inside[row.moved].ravel(), 0.0)
+        worst = int(np.argmax(np.abs(gaps)))
+        t = float(inside.t[worst])
+        if gaps[worst] and abs(gaps[worst]) > _APART * _rounding(functions, run, row.moved, t):
+            warnings.warn(
+                f"At t = {t:.6g} s {row.part.where} is taken for closed, and its gap is {gaps[worst]:.3g}: what it holds is held by others, too, and all of them cannot be closed. "
+                f"Which of them opens is not seen where it begins as slowly as that: let one of them have a little slack or play before. The motion around is not reliable.",
+                AccuracyWarning, stacklevel=callers_level(),
+            )  # fmt: skip
+            return True
     return False
 
 

@@ -24,7 +24,7 @@ from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
 from acausal.simulate.corners import warn_if_cornered
 from acausal.simulate.events import events_asked
-from acausal.simulate.one_way import warn_if_passed_back
+from acausal.simulate.one_way import warn_if_led_away, warn_if_passed_back
 from acausal.simulate.passes import warn_if_missed
 from acausal.simulate.piece import Piece
 from acausal.simulate.progress import Line, shown_progress
@@ -168,7 +168,7 @@ def look_at(functions: Functions, run: Trajectory, accuracy: Accuracy, jumps: bo
     warn_if_pulled(functions, run)
     warn_if_not_followed(functions, run)
     if run.status.kind is StatusKind.SUCCESS:
-        lost.append(warn_if_passed_back(functions, run))
+        lost += [warn_if_passed_back(functions, run), warn_if_led_away(functions, run)]
     if run.status.kind is StatusKind.SUCCESS and accuracy.step is None and not any(lost):
         _ = warn_if_cornered(functions, run) or warn_if_inaccurate(functions, run, accuracy.rtol, accuracy.atol)
 
