@@ -508,6 +508,15 @@ static int has_escaped(Integrator *I, const Stages *S, double h) {
     return 0;
 }
 
+/* Whether the last change of an iteration is no more than rounding: how it contracts then says nothing. */
+static int ends_in_rounding(Integrator *I, Stages *S, double h) {
+    struct State *T = I->state;
+    sample_noise(I, S, 0, 0);
+    double noise = 2 * moved_by(I, T->noise, h) * sqrt((double)I->nx);
+    forget_noise(I);
+    return T->change < noise;
+}
+
 /* Whether an iteration that did not converge stopped at what rounding makes of the rates; it may be tried again, this being forgiven. Where it
    diverges, states are so large in the end that rounding would forgive whatever they are. */
 static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
@@ -935,6 +944,7 @@ static enum Code one_adaptive(Integrator *I) {
         }
         if (S->around) I->error = 0; /* rounding makes errors jump there: how they grow from step to step says nothing */
         double wanted = next_size(I, h, error);
+        if (T->newton_now && slips_turn(I) && !T->noisy && !failed && converging(I, h, contraction, 0) < STRAINED * wanted && ends_in_rounding(I, S, h)) contraction = 0;
         I->error = error;
         I->contraction = contraction;
         T->missed = misses > 0;
