@@ -87,7 +87,7 @@ def animation_of(run: Motion, *, speed: float | None = None) -> Animation:
     # a scene that was written as a script has no name of its own
     name = run.outputs.system.flat.name
     moved = [body.name for body in bodies if not any(isinstance(shape, Wire) for shape in body.shapes)]
-    title = name if name != System.__name__ or not moved else compact(moved, 3)
+    title = name if name != System.__name__ or not moved else compact(dict.fromkeys(part.split(".")[0] for part in moved), 3)
     drawn = (*bodies, *_moved_along(moving))
     shown = Animation(title, moving.t, drawn, links, _joints(moving), _trails(bodies), up, pace)  # pyright: ignore[reportArgumentType]
     return replace(shown, links=(*links, *_pushes(moving, _ARROW * shown.size())), bodies=_large_enough(shown))
