@@ -39,8 +39,7 @@ def warn_if_passed_back(functions: Functions, run: Trajectory) -> bool:
     closed = met.at_ends(run.steps.t.size)[[k for k, _ in rows]][:, steps] == 1
     opens, turned = np.array([_is_fired(row, inside) for _, row in rows]), np.array([[row.turned] for _, row in rows])
     free = (opens | turned) & ~closed
-    moved = np.array([inside[row.moved].ravel() for _, row in rows])
-    passed = np.array([inside[row.reaction.sx].ravel() for _, row in rows])
+    moved, passed = np.split(inside[ca.vertcat(*(row.moved for _, row in rows), *(row.reaction.sx for _, row in rows))].T, 2)
     least, most, through = _HELD * _power(inside), np.max(np.abs(moved)), np.max(np.abs(passed))
     left = (closed & (np.abs(moved * passed) > least)) | (free & (-moved > _BACK * most) & (-moved * through > least))
     back = closed & (opens | ~turned) & (-passed > _BACK * through) & (-passed * most > least)
@@ -64,8 +63,7 @@ def warn_if_led_away(functions: Functions, run: Trajectory) -> bool:
     steps = steps[spread(steps.size, _LOOKS)]
     inside = run.at((run.steps.t[steps] + run.steps.t[steps + 1]) / 2)
     closed = met.at_ends(run.steps.t.size)[[k for k, _ in rows]][:, steps] == 1
-    for (_, row), holds in zip(rows, closed, strict=True):
-        gaps = np.where(holds, inside[row.moved].ravel(), 0.0)
+    for (_, row), gaps in zip(rows, np.where(closed, inside[ca.vertcat(*(row.moved for _, row in rows))].T, 0.0), strict=True):
         worst = int(np.argmax(np.abs(gaps)))
         t = float(inside.t[worst])
         if gaps[worst] and abs(gaps[worst]) > _APART * _rounding(functions, run, row.moved, t):
