@@ -153,9 +153,7 @@ class Trajectory:
 
     def given(self, t: np.ndarray, x: np.ndarray, u: np.ndarray) -> Trajectory:
         """Read at times (n,) in states (nx, n) and with inputs (nu, n) that are known."""
-        return _read(
-            self.functions, self.problem, self.pieces, self.initial, t, self.watched, (x, u, t, np.full((np.size(t), 3), np.nan))
-        )
+        return _read(self.functions, self.problem, self.pieces, self.initial, t, self.watched, (x, u, t, np.empty((0, 3))))
 
     @functools.cached_property
     def x(self) -> np.ndarray:
