@@ -1,4 +1,4 @@
-"""A robot on four legs, as a URDF file describes it, is dropped to a floor: its motors hold a posture like springs with dampers, its feet strike, slip and stick.
+"""A robot on four legs: described by a URDF file and dropped to a floor, its motors hold a posture like springs with dampers, its feet strike, slip and stick.
 
 At the end it stands: the floor carries its weight. All the while the balance of energy is closed, through impacts, friction and motors.
 """
