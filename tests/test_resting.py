@@ -394,3 +394,46 @@ def test_derivatives_say_where_a_foot_that_bears_nothing_hides_the_instant_at_wh
     scene.connect(scene.push.point, scene.box.at((-0.048, 0.031, -0.02)))
     with pytest.warns(SingularWarning, match="Where several hold one another"):
         ac.build(scene).sensitivities([0.0, 0.04], [mu], {scene.box.frame.position: (0, 0, 0.1)}, rtol=1e-9)
+
+
+@pytest.mark.parametrize(("size", "mu", "height"), [(1.0, 0.3, 0.4), (1e-3, 0.6, 0.4), (1e3, 0.3, 0.35)])
+def test_a_box_that_lands_level_on_an_incline_slips_from_rest_on_two_of_its_feet(size: float, mu: float, height: float) -> None:
+    """Nothing moves it across, but rounding. Its planar equations: an impact that stops its edge, then slip that begins at once, downhill."""
+    slope, corner = 0.4, np.array([-0.2, -0.1])
+    scene = ac.System()
+    scene.world, scene.box = World((0, 0, -G * size)), RigidBody.box(1.0, (0.4 * size, 0.3 * size, 0.2 * size))
+    scene.feet = [PointOnPlane(unilateral=True, friction=Coulomb(mu)) for _ in CORNERS]
+    for foot, (x, y) in zip(scene.feet, CORNERS, strict=True):
+        scene.connect(scene.world.at((0, 0, 0), rotation=("y", slope)), foot.frame_a)
+        scene.connect(foot.frame_b, scene.box.at((x * size, y * size, -0.1 * size)))
+    inertia, down = (
+        (0.4**2 + 0.2**2) / 12,
+        G * np.array([np.sin(slope), -np.cos(slope)]),
+    )  # along and across the incline, in sizes
+    turn = lambda a: np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]])  # noqa: E731  # about y: z to x
+    place = turn(-slope) @ np.array([0.0, height])
+    fall = np.sqrt(2 * (place + turn(-slope) @ corner)[1] / (G * np.cos(slope)))
+
+    def foot_of(angle: float) -> tuple[np.ndarray, np.ndarray]:
+        arm = turn(angle) @ corner
+        across = np.array([arm[1], -arm[0]])  # its velocity is that of the centre and the rate of turning times this
+        return across, np.eye(2) + np.outer(across, across) / inertia
+
+    across, compliance = foot_of(-slope)
+    blow = np.linalg.solve(compliance, -down * fall)
+    assert abs(blow[0]) < mu * blow[1]
+
+    def rate(_: float, y: np.ndarray) -> np.ndarray:
+        across, compliance = foot_of(y[2])
+        free = down - y[5] ** 2 * (turn(y[2]) @ corner)
+        push = np.array([-mu, 1.0]) * -free[1] / (compliance[1] @ [-mu, 1.0])
+        return np.concatenate([y[3:], down + push, [push @ across / inertia]])
+
+    y = np.concatenate([place + down * fall**2 / 2, [-slope], down * fall + blow, [blow @ across / inertia]])
+    by = solve_ivp(rate, (0.0, 0.01), y, "DOP853", rtol=1e-12, atol=1e-14).y[:, -1]
+    run = ac.build(scene).simulate(fall + 0.01, {scene.box.frame.position: (0, 0, height * size)}, rtol=1e-10)
+    assert run.transitions[0].time == pytest.approx(fall, rel=1e-11)
+    world = turn(slope) @ by[:2]
+    assert run[scene.box.frame.position][-1] == pytest.approx(np.array([world[0], 0.0, world[1]]) * size, abs=1e-9 * size)
+    assert run[scene.box.frame.angular_velocity][-1] == pytest.approx([0.0, by[5], 0.0], abs=1e-7)
+    assert run.statistics.steps < 100 and run.energy_error() < 1e-11

@@ -288,7 +288,11 @@ static int misses_ends(Integrator *I, Stages *S, double h, int strict) {
 /* The same, beyond what rounding makes of the rates. */
 static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     struct State *T = I->state;
-    int found = misses_ends(I, S, h, strict);
+    int carried = T->start_known, found = misses_ends(I, S, h, strict);
+    if (found == 1 && carried) { /* corrections after the last step have moved rates that are nothing but rounding */
+        T->start_known = 0;
+        found = misses_ends(I, S, h, strict);
+    }
     if (found != 1) return found;
     int leasts = 0; /* then only here: others are to be as accurate as ever */
     for (long i = 0; i < I->nx; i++) leasts |= T->least[i] > 0;
