@@ -19,7 +19,6 @@ from acausal.language.component import System
 from acausal.language.expression import Derivative, Expression, Variable, time
 from acausal.language.flatten import FlatSystem, flatten
 from acausal.numerics.one_thread import on_one_thread
-from acausal.numerics.uncollected import uncollected
 from acausal.outputs.functions import Functions
 from acausal.parts.part_check import check_parts
 from acausal.reduce.modes import refuse_modes
@@ -262,7 +261,6 @@ def _reduced(flat: FlatSystem, tried: set[tuple[str, ...]] | None = None) -> Red
 
 
 @on_one_thread
-@uncollected
 def build(scene: System) -> Model:
     """From a scene to its model: flatten, topology, mechanics, reduce. Errors from the tree in `acausal.errors`."""
     if not isinstance(scene, System):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass anything

@@ -1,4 +1,4 @@
-"""Building makes hundreds of thousands of small objects that last, and no cycles worth a search: looking for some again and again would cost a third of its time."""
+"""Programs are made of hundreds of thousands of small objects, and no cycles worth a search: looking for some again and again would take a third of the time."""
 
 from __future__ import annotations
 
