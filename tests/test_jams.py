@@ -99,3 +99,9 @@ def test_rod_whose_foot_turns_to_its_critical_direction_is_stopped(seed: int) ->
     assert jam.after[scene.foot.slip] == pytest.approx(np.zeros(3), abs=1e-12 * size)
     assert jam.energy_lost == pytest.approx(-mass * size**2 * left @ push[:2] / 2, rel=1e-4)
     assert run.energy_error() < 1e-9
+    # what presses grows as one over the root of the time that is left, and derivatives do not go through that
+    near, nearer = run.at(jam.time - np.array([1e-6, 1e-8]) * jam.time)[scene.foot.normal_force].ravel()
+    assert nearer / near == pytest.approx(10, rel=0.05)
+    if seed == 0:
+        with pytest.raises(ac.errors.SimulationError):
+            ac.build(scene).sensitivities([0.0, 1.5 * time], [frame.position[0]], start, rtol=1e-9)

@@ -99,9 +99,8 @@ class Passage:
         def size(V: np.ndarray) -> np.ndarray:
             return np.linalg.norm((V * usual)[:, self.problem.positions :], axis=1)
 
-        least = (
-            2 * np.sqrt(np.maximum(self.clearances(t, X), 0.0)) / _AHEAD
-        )  # one to either side would come to lie in the position itself
+        # no nearer, or one of those to either side would come to lie in the position itself
+        least = 2 * np.sqrt(np.maximum(self.clearances(t, X), 0.0)) / _AHEAD
         aside = self.crossing(t, X, h)[:, None] * np.maximum(_NEARER, least[:, None])
         best, off = closed, size(closed - X) / _THROWN
         straight = np.zeros(t.size, dtype=bool)

@@ -31,24 +31,16 @@ def _threads() -> tuple[Callable[[], int], Callable[[int], None]] | None:
     return None
 
 
-class _Threads:
-    """One, and afterwards as many as before."""
-
-    def __init__(self) -> None:
-        self._before = 1
-
-    def begin(self) -> None:
-        found = _threads()
-        if found is not None:
-            self._before = found[0]()
-            found[1](1)
-
-    def end(self) -> None:
-        found = _threads()
-        if found is not None:
-            found[1](self._before)
+def _one() -> Callable[[], None]:
+    """One, and what puts back as many as before."""
+    found = _threads()
+    if found is None:
+        return lambda: None
+    get, change = found
+    before = get()
+    change(1)
+    return lambda: change(before)
 
 
-_own = _Threads()
-on_one_thread = Within(_own.begin, _own.end)
+on_one_thread = Within(_one)
 """Around functions, or in `with`; may be nested."""

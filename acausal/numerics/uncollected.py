@@ -3,25 +3,17 @@
 from __future__ import annotations
 
 import gc
+from collections.abc import Callable
 
 from acausal.numerics.within import Within
 
 
-class _Collector:
-    """Off, and afterwards as before."""
-
-    def __init__(self) -> None:
-        self._before = True
-
-    def begin(self) -> None:
-        self._before = gc.isenabled()
-        gc.disable()
-
-    def end(self) -> None:
-        if self._before:
-            gc.enable()
+def _off() -> Callable[[], None]:
+    """Off, and what puts it back as before."""
+    before = gc.isenabled()
+    gc.disable()
+    return gc.enable if before else lambda: None
 
 
-_own = _Collector()
-uncollected = Within(_own.begin, _own.end)
+uncollected = Within(_off)
 """Around functions, or in `with`; may be nested."""

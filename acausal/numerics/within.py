@@ -13,10 +13,11 @@ T = TypeVar("T")
 
 
 class Within:
-    """`begin` when the first one enters, `end` when the last one leaves."""
+    """`begin` when the first one enters, and what that has given when the last one leaves."""
 
-    def __init__(self, begin: Callable[[], None], end: Callable[[], None]) -> None:
-        self._lock, self._within, self._begin, self._end = threading.Lock(), 0, begin, end
+    def __init__(self, begin: Callable[[], Callable[[], object]]) -> None:
+        self._lock, self._within, self._begin = threading.Lock(), 0, begin
+        self._end: Callable[[], object]
 
     def __call__(self, function: Callable[P, T]) -> Callable[P, T]:
         """The function, within."""
@@ -32,7 +33,7 @@ class Within:
         with self._lock:
             self._within += 1
             if self._within == 1:
-                self._begin()
+                self._end = self._begin()
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
         with self._lock:

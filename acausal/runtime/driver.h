@@ -512,13 +512,17 @@ static int has_escaped(Integrator *I, const Stages *S, double h) {
     return 0;
 }
 
-/* Whether the last change of an iteration is no more than rounding: how it contracts then says nothing. */
-static int ends_in_rounding(Integrator *I, Stages *S, double h) {
-    struct State *T = I->state;
+/* What rounding makes of the rates, sampled now, as a change of an iteration at most. */
+static double change_by_rounding(Integrator *I, const Stages *S, double h) {
     sample_noise(I, S, 0, 0);
-    double noise = 2 * moved_by(I, T->noise, h) * sqrt((double)I->nx);
+    return 2 * moved_by(I, I->state->noise, h) * sqrt((double)I->nx);
+}
+
+/* Whether the last change of an iteration is no more than rounding: how it contracts then says nothing. */
+static int ends_in_rounding(Integrator *I, const Stages *S, double h) {
+    double noise = change_by_rounding(I, S, h);
     forget_noise(I);
-    return T->change < noise;
+    return I->state->change < noise;
 }
 
 /* Whether an iteration that did not converge stopped at what rounding makes of the rates; it may be tried again, this being forgiven. Where it
@@ -526,8 +530,7 @@ static int ends_in_rounding(Integrator *I, Stages *S, double h) {
 static int stalls_on_rounding(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     if (S->around || T->noisy || !(T->change < INFINITY) || T->grown > ESCAPED || has_escaped(I, S, h)) return 0;
-    sample_noise(I, S, 0, 0);
-    double noise = 2 * moved_by(I, T->noise, h) * sqrt((double)I->nx);
+    double noise = change_by_rounding(I, S, h);
     if (noise > LEFT && T->change < noise) return 1;
     forget_noise(I);
     return 0;

@@ -229,10 +229,9 @@ static int strike_without_closing(Integrator *I, Room R) {
     }
     take_part(&D, R.asked, start);
     memcpy(R.centre, R.push, sizeof(double) * (size_t)n);
-    memcpy(T->blow, R.push, sizeof(double) * (size_t)n);
     if (!newton_of_laws(&p, R.asked)) {
         if (!stopped) return 0;
-        memcpy(R.push, T->blow, sizeof(double) * (size_t)n);
+        memcpy(R.push, R.centre, sizeof(double) * (size_t)n);
     }
     find_rates(&p);
     for (long i = 0; i < n; i++) most = fmax(most, fabs(R.push[i]) * unit_of(own_of(&D, i)));

@@ -200,8 +200,8 @@ struct State {
     long *basis, *status, *impact_row, *rests, *held_status, *sticks, *leaves, *margin_rows;
     struct Thin *thin; /* programs for modes, null: there are none; see thin.h */
     double *side;                   /* of masks, then of switches */
-    int jams;                       /* whether slip is looked at that may have come to where nothing smooth leads further */
     long written;                   /* how often these have been given to kernels */
+    int jams;                       /* whether slip is looked at that may have come to where nothing smooth leads further */
     double *step_by_side;           /* sizes of steps at either side when it was left; 0: not known */
     double *row_values, *row_noise, *one_row;
     char *far;                      /* whether a row has been far from zero since its switch went over */

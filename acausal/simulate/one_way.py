@@ -30,13 +30,11 @@ _APART = 1e8
 
 def warn_if_passed_back(functions: Functions, run: Trajectory) -> bool:
     """Say so when what goes one way only holds something that is not held, or passes the other way; whether it does."""
-    modes, met, steps = functions.outputs.system.modes, run.solution.modes, np.flatnonzero(np.diff(run.steps.t) > 0)
+    modes = functions.outputs.system.modes
     rows = [] if modes is None else [(k, row) for k, row in enumerate(modes.rows) if row.one_way]
-    if not rows or met is None or not steps.size:
+    if not rows or (seen := _looked_at(run, [k for k, _ in rows])) is None:
         return False
-    steps = steps[spread(steps.size, _LOOKS)]
-    inside = run.at((run.steps.t[steps] + run.steps.t[steps + 1]) / 2)
-    closed = met.at_ends(run.steps.t.size)[[k for k, _ in rows]][:, steps] == 1
+    inside, closed = seen
     opens, turned = np.array([_is_fired(row, inside) for _, row in rows]), np.array([[row.turned] for _, row in rows])
     free = (opens | turned) & ~closed
     moved, passed = np.split(inside[ca.vertcat(*(row.moved for _, row in rows), *(row.reaction.sx for _, row in rows))].T, 2)
@@ -55,14 +53,13 @@ def warn_if_passed_back(functions: Functions, run: Trajectory) -> bool:
 
 def warn_if_led_away(functions: Functions, run: Trajectory) -> bool:
     """Say so when what is closed, beside others that hold the same, is not where time leads it: forces that share what cannot be do not tell that one of them gives way; whether it does."""
-    modes, met, steps = functions.outputs.system.modes, run.solution.modes, np.flatnonzero(np.diff(run.steps.t) > 0)
+    modes = functions.outputs.system.modes
     rows = [] if modes is None or not modes.redundant else list(enumerate(modes.rows))
     rows = [(k, row) for k, row in rows if row.one_sided and not row.one_way]
-    if met is None or not steps.size or not any(ca.depends_on(row.moved, functions.outputs.system.t) for _, row in rows):
+    led = any(ca.depends_on(row.moved, functions.outputs.system.t) for _, row in rows)
+    if not led or (seen := _looked_at(run, [k for k, _ in rows])) is None:
         return False
-    steps = steps[spread(steps.size, _LOOKS)]
-    inside = run.at((run.steps.t[steps] + run.steps.t[steps + 1]) / 2)
-    closed = met.at_ends(run.steps.t.size)[[k for k, _ in rows]][:, steps] == 1
+    inside, closed = seen
     for (_, row), gaps in zip(rows, np.where(closed, inside[ca.vertcat(*(row.moved for _, row in rows))].T, 0.0), strict=True):
         worst = int(np.argmax(np.abs(gaps)))
         t = float(inside.t[worst])
@@ -74,6 +71,15 @@ def warn_if_led_away(functions: Functions, run: Trajectory) -> bool:
             )  # fmt: skip
             return True
     return False
+
+
+def _looked_at(run: Trajectory, rows: list[int]) -> tuple[Trajectory, np.ndarray] | None:
+    """The motion inside of its steps, and which of some rows are closed there (rows, n); None where there is no step, or no mode."""
+    met, steps = run.solution.modes, np.flatnonzero(np.diff(run.steps.t) > 0)
+    if met is None or not steps.size:
+        return None
+    steps = steps[spread(steps.size, _LOOKS)]
+    return run.at((run.steps.t[steps] + run.steps.t[steps + 1]) / 2), met.at_ends(run.steps.t.size)[rows][:, steps] == 1
 
 
 def _power(inside: Trajectory) -> float:

@@ -58,11 +58,8 @@ class Piece:
         passage, past = passage_of(problem), problem.exact is not None and problem.exact.through is Through.NEVER
         if passage is None or past:
             return projected, aside
-        some, usual, h = (
-            np.flatnonzero(passage.are_crossing(times, x.T)),
-            self.functions.integrand.usual,
-            np.diff(self.solution.t),
-        )
+        some = np.flatnonzero(passage.are_crossing(times, x.T))
+        usual, h = self.functions.integrand.usual, np.diff(self.solution.t)
         if some.size and usual is not None and h.any():
             step = np.maximum(np.searchsorted(self.solution.t[:-1][h > 0], times[some], side="right") - 1, 0)
             found, aside[some] = passage.nearest(times[some], x.T[some], projected.T[some], h[h > 0][step], usual)
