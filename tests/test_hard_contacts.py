@@ -1137,17 +1137,3 @@ def test_a_light_plank_and_what_it_carries_stop_together() -> None:
     assert {run.modes(foot).words[-1] for foot in (*scene.low, *scene.high)} == {"closed, sticks"}
     for body in (scene.plank, scene.load):
         assert np.linalg.norm(run[body.frame.velocity][-1]) < 1e-12 * abs(speed)
-
-
-@pytest.mark.parametrize("power", [2, 3])
-def test_what_stands_and_hangs_on_a_taut_rope_is_told_where_that_draws_it_up_smoothly(power: int) -> None:
-    """Which of two that hold the same gives way is not seen: that both cannot be closed, is."""
-    scene = ac.System()
-    scene.world, scene.mass, scene.floor, scene.rope = World(), Particle(2.0), PointOnPlane(unilateral=True), Rope(1.0)
-    drawn = np.where(ac.time < 0.5, 0, ac.time - 0.5) ** power
-    scene.winch = PrescribedMotion(position=(0, 0, 1 + drawn))
-    scene.connect(scene.world.frame, scene.floor.frame_a, scene.winch.frame_a)
-    scene.connect(scene.floor.frame_b, scene.mass.point, scene.rope.frame_a)
-    scene.connect(scene.rope.frame_b, scene.winch.frame_b)
-    with pytest.warns(ac.errors.AccuracyWarning, match="its gap is .* all of them cannot be closed"):
-        ac.build(scene).simulate(1.0, {scene.mass.point.position: (0, 0, 0)}, rtol=1e-10)

@@ -358,6 +358,12 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
     }
     for (long k = 0; k < T->changes && I->valves && first < 0.01; k++) first *= 10;
     for (double later = first; roughly && later < TOO_LATE; later *= 100) code = decide_when(I, R, planned, later * planned, &roughly);
+    for (T->parting.hardly = 0; T->parting.inside && code == REACHED_END && T->parting.hardly < 2 && same_laws(I, before); T->parting.hardly++) /* that is known to be wrong somewhere in the step */
+        for (double later = first; code == REACHED_END && later < 10 * TOO_LATE && same_laws(I, before); later *= 100) {
+            memcpy(T->side, before, sizeof(double) * (size_t)I->masks);
+            code = decide_when(I, R, planned, fmin(later, 1) * planned, &roughly);
+        }
+    T->parting.hardly = 0;
     for (double later = 0.01 * first; I->valves && later > SOONEST && later * planned > SPENT * EPS * fabs(I->t); later *= 0.01) {
         int holds = code == REACHED_END ? is_true_now(I, R) : 0;
         if (holds < 0) return INPUT_FAILED;

@@ -129,6 +129,7 @@ static int cross_knot(Integrator *I) {
     }
     I->t = fmin(I->end, T->knot + aside(I, T->knot));
     if (I->steps > 0) I->times[I->steps - I->first] = I->t == I->end ? I->t : T->knot;
+    T->parting.since = I->t;
     forget_rates(I);
     if (I->held && !agree(I, I->t, I->x, 1)) return 0;
     return jumps_with_inputs(I);
@@ -160,7 +161,7 @@ static int arrives(Integrator *I, double stop) {
 
 static enum Code begin_motion(Integrator *I) {
     struct State *T = I->state;
-    T->start = I->t;
+    T->start = T->parting.since = I->t;
     T->knot = next_knot(I, I->t - aside(I, I->t));
     if (!keep(I, 0)) return OUT_OF_MEMORY;
     enum Code code = I->discretes ? begin_discretes(I) : REACHED_END;

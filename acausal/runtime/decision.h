@@ -134,7 +134,7 @@ static Room room_of(const Integrator *I) {
 
 /* What is to be solved for there, from these rates or accelerations on; without limits that do not grow with reactions, unless it is said that they count. */
 static Problem problem_of(const Integrator *I, const Decision *D, Room R, const double *start) {
-    return (Problem){.D = D, .start = start, .damping = I->redundant ? DAMPED : 0, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
+    return (Problem){.D = D, .start = start, .damping = !I->redundant ? 0 : I->state->parting.hardly ? DEPENDENT : DAMPED, .law = R.law, .asked = R.asked, .along = R.along, .push = R.push, .rate = R.rate, .centre = R.centre, .work = R.work};
 }
 
 /* Parts of the results of the decision's kernel, or of their changes; `noise`: of gaps and rates, or null. */
@@ -308,6 +308,15 @@ static enum Code look_after_switch(Integrator *I, int before) {
         return not_derived(I, k < D.gaps ? k : law_of_reaction(&D, k - D.gaps), JUMPS);
     }
     return REACHED_END;
+}
+
+/* Whether the same laws hold as by these masks. */
+static int same_laws(const Integrator *I, const double *masks) {
+    const double *side = I->state->side;
+    int same = 1;
+    for (long i = 0; i < I->one_sided; i++) same &= side[i] == masks[i];
+    for (long f = 0; f < frictions_of(I); f++) same &= (side[mask_of(I, f)] == 1) == (masks[mask_of(I, f)] == 1);
+    return same;
 }
 
 /* Room for one more transition. */

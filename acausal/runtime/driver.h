@@ -764,6 +764,8 @@ static double landing(Integrator *I, const Stages *S, double h, struct Landing *
 static enum Code go_over(Integrator *I, const struct Landing *L);
 static enum Code decide_here(Integrator *I);
 static int jams(Integrator *I, double planned);
+static int changes_modes(const Integrator *I);
+static enum Code part_rows(Integrator *I, const Stages *S, double h, double *part);
 
 /* After a step, at the end of which a switch may go over. */
 static enum Code finish_step(Integrator *I, const struct Landing *L) {
@@ -788,6 +790,11 @@ static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, dou
     *part = landing(I, S, h, L);
     I->state->lands = 0;
     if (*part < 0) return *part == -2 ? FALLS : INPUT_FAILED;
+    if (*part == 1 && changes_modes(I)) {
+        enum Code code = part_rows(I, S, h, part);
+        if (*part != 1) L->row = -1;
+        return code;
+    }
     return *part > 0 ? REACHED_END : switch_now(I, L);
 }
 
@@ -914,7 +921,7 @@ static enum Code one_adaptive(Integrator *I) {
             if (code != REACHED_END) return code;
             if (part != 0 && part != 1) {
                 I->h = part * h;
-                T->planned = fmin(T->planned, I->h);
+                if (L.row >= 0) T->planned = fmin(T->planned, I->h);
             }
             if (part != 1) {
                 if (++landings > LANDED) return CHATTERS; /* a row that is zero all along */

@@ -15,11 +15,11 @@
 #define TURNS 8         /* times that directions of forces are looked at again */
 #define APART_IN_TIME 100.0 /* times the look ahead: places by which the middle's rate is known to rounding */
 
-/* Some of the rows, which are to hold: A l = b in their units, reactions l = least + N z with z (free). `cone`: frictions among them. */
+/* Some of the rows, which are to hold: A l = b in their units, but for so much of the largest, `open`; reactions l = least + N z with z (free). `cone`: frictions among them. */
 typedef struct {
     long rows, free, frictions;
     long *row, *friction, *order;
-    double size, *A, *b, *least, *N, *found, *y, *gradient, *H, *scratch;
+    double size, open, *A, *b, *least, *N, *found, *y, *gradient, *H, *scratch;
     double *drawn, *slope; /* room for rows */
     double *turn; /* of rows: their units in those of the first row of their friction */
     double *limit, *by; /* of frictions, (frictions), (frictions, rows) */
@@ -32,14 +32,17 @@ static int make_margin(Integrator *I) {
     if (!I->redundant) return 1;
     T->margin = reserve_doubles(I, 2 * n * n + (n + 1) * (n + 1) + F * n + F + 10 * n + 8 + 3 * I->magnitudes);
     T->margin_rows = reserve(I, sizeof(long) * (size_t)(8 * n + F));
-    return I->counted || (T->margin && T->margin_rows);
+    T->parting.masks = reserve_doubles(I, I->masks);
+    T->parting.near_zero = reserve(I, (size_t)I->one_sided + 1);
+    T->parting.left_at = NAN;
+    return I->counted || (T->margin && T->margin_rows && T->parting.masks && T->parting.near_zero);
 }
 
 static Held held_of(const Integrator *I) {
     struct State *T = I->state;
     long n = reactions_of(I), F = frictions_of(I), *k = T->margin_rows;
     double *at = T->margin;
-    Held S = {.row = k, .order = k + n, .friction = k + 2 * n};
+    Held S = {.row = k, .order = k + n, .friction = k + 2 * n, .open = T->parting.inside ? NIL : DEPENDENT};
     S.A = at, S.N = at + n * n, S.H = at + 2 * n * n;
     at += 2 * n * n + (n + 1) * (n + 1);
     S.by = at, S.limit = at + F * n;
@@ -181,7 +184,7 @@ static int solve_held(Held *S) {
     }
     S->free = m - rank;
     for (long i = rank; i < m; i++)
-        if (!(fabs(b[i]) <= DEPENDENT * most)) return 0;
+        if (!(fabs(b[i]) <= S->open * most)) return 0;
     for (long k = 0; k < m; k++) {
         long i = S->order[k];
         S->least[i] = k < rank ? b[k] / A[k * m + k] : 0;
@@ -353,6 +356,11 @@ static int decision_later(Integrator *I, double later, Decision *D) {
     struct State *T = I->state;
     double *x = T->later_x;
     if (later == 0) return decision_at(I, I->t, I->x, D);
+    if (T->parting.inside && later > 0) {
+        const Stages *S = T->parting.inside;
+        state_within(I->nx, I->x, S->a, S->s, S->blocks * LANES, later / T->parting.h, T->parting.h, x);
+        return decision_at(I, I->t + later, x, D);
+    }
     if (!rate_at(I, I->t, I->x, T->rate)) return 0;
     for (long i = 0; i < I->nx; i++) x[i] = I->x[i] + 0.5 * later * T->rate[i];
     if (!rate_at(I, I->t + 0.5 * later, x, T->rate)) return 0; /* what is at its threshold by its rate too passes it by the next */
@@ -490,7 +498,7 @@ static int hold_more(Integrator *I, const Decision *D, const long *asked, long *
         stays[k] = T->side[k < D->gaps ? k : mask_of(I, k - D->gaps)] == 1;
         for (long r = i; r < i + size; r++) moves[k] |= !rate || !(fabs(rate[r]) <= AT_REST * largest * unit_of(D->W[r * n + r]));
     }
-    for (int pass = 0; pass < 3; pass++) { /* what held goes on to, if that may be; what is found to; whatever might, here and now */
+    for (int pass = 0; pass < (T->parting.inside ? 2 : 3); pass++) { /* what held goes on to, if that may be; what is found to; whatever might, here and now */
         memset(seen, 0, sizeof(long) * (size_t)laws);
         for (long k = 0; k < laws; k++) {
             int may = asked[k] == MAY_HOLD || asked[k] == MAY_SLIDE;

@@ -559,6 +559,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
 }
 
 #include "sets.h"
+#include "apart.h"
 
 /* A part of the time in which states change by their sizes [s], where it is not known how long the motion is. */
 static double part_of_motion(Integrator *I) {

@@ -95,7 +95,7 @@ _OF_MODES = {
     Code.NO_MODE: (
         StatusKind.NO_MODE,
         "Whether {0} and what touches with it hold, slide or open: nothing obeys the laws of all of them. With friction that is large, or acts on a slender body, "
-        "there may be no such motion (Painleve's paradox): lower its coefficient, or let bodies yield there.",
+        "there may be no such motion (Painleve's paradox): lower its coefficient, or let bodies yield there. Nor is there any where what moves as prescribed presses on what cannot yield.",
     ),
     Code.CHATTERS: (
         StatusKind.CHATTERS,

@@ -329,7 +329,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
     long count = 0;
     T->pace = planned;
     T->changes = fabs(I->t - T->changed_at) <= INSTANT * planned ? T->changes + 1 : 0;
-    T->changed_at = I->t;
+    T->changed_at = T->parting.since = I->t;
     T->delayed = 0;
     for (long k = 0; k < I->set_count; k++) T->set_fired[k] = T->set_fired[I->set_count + k] = 0, T->set_rows[4 * I->set_count + k] = 0;
     if (set) { /* so far from zero is at zero in this instant */

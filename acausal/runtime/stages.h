@@ -164,6 +164,15 @@ struct Costs {
     int decays, trial, passes, undecided; /* whether fast decay is seen; steps left of a trial; whether such a position was near; which method Newton's begins with */
 };
 
+/* What is led apart, see apart.h. `inside`: stages of the step of size h that rows are decided by at its start, or null; `hardly`: whether they are led apart so little that damping hides it; `since`: when
+   something has changed last; `left_at`: when nothing else has been found to hold; `near_zero`: gaps that open so slowly, until they have left zero, null where no rows depend on one another. */
+struct Parting {
+    const void *inside;
+    double h, since, left_at, *masks;
+    char *near_zero;
+    int hardly;
+};
+
 /* What `begin` makes: first all pointers, up to `made`. */
 struct State {
     V *rhs_c, *jvp_c, *projection_c, *guard_c, *work;
@@ -201,6 +210,7 @@ struct State {
     struct Thin *thin; /* programs for modes, null: there are none; see thin.h */
     double *side;                   /* of masks, then of switches */
     long written;                   /* how often these have been given to kernels */
+    struct Parting parting;
     int jams;                       /* whether slip is looked at that may have come to where nothing smooth leads further */
     double *step_by_side;           /* sizes of steps at either side when it was left; 0: not known */
     double *row_values, *row_noise, *one_row;

@@ -427,6 +427,7 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
         if (!jump_along(I, -0.1 * BACK * L->planned, before)) return INPUT_FAILED;
         if (!rate_at(I, I->t, I->x, before)) return INPUT_FAILED;
     }
+    T->parting.since = I->t;
     double old = T->side[k], new;
     remembered[old > 0] = L->planned;
     int crossed = T->crossed;
@@ -644,8 +645,11 @@ static double first_switch(Path *p, struct Landing *L) {
         }
         double known = p->noise; /* of the ends; and of the inside: */
         int decided = r < I->mode_rows && p->t == T->changed_at; /* that it holds: then it leaves zero, within what the inside of a step is known to */
+        int slowly = r < I->one_sided && T->parting.near_zero && T->parting.near_zero[r]; /* it opens: until it has */
+        if (slowly) decided = T->parting.near_zero[r] = !(v[0] > MET * known);
         if (decided) p->noise = fmax(p->noise, r < first_set(I) ? known - v[0] : -1.01 * v[0]);
         for (int j = 0; decided && (r < first_set(I) ? v[0] : fabs(v[0])) <= T->row_noise[r] && j < POINTS; j++) p->noise = fmax(p->noise, 10 * I->rtol * fabs(v[j]));
+        if (slowly && decided) p->noise = fmax(p->noise, at_rest(I, r));
         int is_coarse = r < first_set(I) && p->noise > known;
         coarse += is_coarse;
         p->searches = 0;
