@@ -10,7 +10,6 @@
 #define SHORTLY 1e-3    /* of a step: where slips are looked at that have begun */
 #define OFF_COURSE 1e-3 /* of a slip, across its direction: it does not go that way */
 #define BEGUN 1e-11     /* of what slips become until their rates are as fast as what friction holds: with which they begin where their directions are not held */
-#define HARDLY 1e-4    /* radians by which a direction has turned that is nearly the same */
 #define NEARER 1e-2    /* of that, for patches: what they act against turns until the end */
 
 /* The rate of a gap that is none: rounding, or that of a bounce so low, or so short, that gaps, or times, do not tell it from rounding, as it falls back with this acceleration. */
@@ -132,17 +131,6 @@ static int never_holds(const Decision *D, long f) {
     return D->hold[f] <= 0 && !grows_with_magnitudes(D, f);
 }
 
-/* Directions of what slips, as it does at this place: where it has hardly turned since then, since what is at its threshold may be passed by that alone. */
-static void turn_slips(const Decision *D, Room R) {
-    for (long f = D->lines; f < D->frictions; f++) {
-        double *e = R.along + 3 * f, now[3], turned = 0;
-        if (R.law[D->gaps + f] != AGAINST || !(size_of(D, f, D->rate) > 0)) continue;
-        against(D, f, D->rate + row_of(D, f), now);
-        for (long k = 0; k < rows_of(D, f); k++) turned = hypot(turned, now[k] - e[k]);
-        if (turned < HARDLY) memcpy(e, now, sizeof(double) * (size_t)rows_of(D, f));
-    }
-}
-
 /* Reactions of rows that depend on one another where the motion depends on how they share what they carry, as of feet that slide: not those that have been found first, but those that rates take in
    the mode, of least norm. Where one of these would pull it opens, though it does not part from what others hold. What has been found stays where that is no answer. */
 static void share_as_rates_do(const Integrator *I, const Decision *D, const Problem *p, Room R) {
@@ -245,6 +233,7 @@ static enum Code decide_others(Integrator *I, Room R, double later, int *roughly
         if (I->redundant) {
             held = hold_more(I, D, asked, R.law, R.along, solved ? R.rate : 0, R.push, later);
             if (held < 0 || !decision_later(I, later, D)) return INPUT_FAILED; /* it has looked elsewhere */
+            turn_slips(D, R);
             for (long k = 0; k < laws && held && !solved; k++) held = asked[k] == OFF || R.law[k] == HOLDS;
         }
         if (!solved && !held) {

@@ -13,6 +13,7 @@
 #define AT_REST 1e-7    /* of the largest: accelerations of rows that do not move, before it is known that they do not */
 #define HARDEST 1e14    /* weight of s */
 #define TURNS 8         /* times that directions of forces are looked at again */
+#define HARDLY 1e-4    /* radians by which a direction has turned that is nearly the same */
 #define APART_IN_TIME 100.0 /* times the look ahead: places by which the middle's rate is known to rounding */
 
 /* Some of the rows, which are to hold: A l = b in their units, but for so much of the largest, `open`; reactions l = least + N z with z (free). `cone`: frictions among them. */
@@ -351,6 +352,17 @@ static int find_middle(Held *S, const Decision *D) {
     return margin_of(S, D, S->found) > NO_MARGIN;
 }
 
+/* Directions of what slips, as it does at this place: where it has hardly turned since then, since what is at its threshold may be passed by that alone. */
+static void turn_slips(const Decision *D, Room R) {
+    for (long f = D->lines; f < D->frictions; f++) {
+        double *e = R.along + 3 * f, now[3], turned = 0;
+        if (R.law[D->gaps + f] != AGAINST || !(size_of(D, f, D->rate) > 0)) continue;
+        against(D, f, D->rate + row_of(D, f), now);
+        for (long k = 0; k < rows_of(D, f); k++) turned = hypot(turned, now[k] - e[k]);
+        if (turned < HARDLY) memcpy(e, now, sizeof(double) * (size_t)rows_of(D, f));
+    }
+}
+
 /* Rows at a time that is so much later, or earlier. 0 when the input function failed. */
 static int decision_later(Integrator *I, double later, Decision *D) {
     struct State *T = I->state;
@@ -404,6 +416,7 @@ static int move_alike(const Held *S, const Decision *D, const long *law, const d
 static int middle_at(Integrator *I, const long *law, const double *along, double later, Held *S, double *found) {
     Decision D;
     if (!decision_later(I, later, &D)) return -1;
+    turn_slips(&D, room_of(I));
     pose_held(&D, law, along, S);
     if (find_middle(S, &D) != 1) return 0;
     for (long a = 0; a < S->rows; a++) found[a] = S->found[a] * S->size / unit_of(D.W[S->row[a] * D.n + S->row[a]]);
@@ -428,6 +441,7 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
     Decision D;
     Held S = held_of(I);
     if (!decision_later(I, later, &D)) return -1;
+    turn_slips(&D, room_of(I));
     gather(&D, law, first, &S, seen);
     for (long f = 0; f < D.frictions; f++) /* what is not linear: those of least norm are taken */
         if (law[D.gaps + f] == AGAINST ? grows_with_magnitudes(&D, f) && moves_with(&D, &S, f) : law[D.gaps + f] == HOLDS && seen[D.gaps + f] == first + 1 && rows_of(&D, f) > 2) return 0;
