@@ -283,10 +283,12 @@ static int end_least_slips(const Integrator *I, const Decision *D, Room R) {
     return found != 0;
 }
 
-/* Slips in planes that are all but over end at once: beside them directions turn faster than others can follow, as those of feet that hold what slides on them. */
-static void end_small_slips(const Decision *D, Room R) {
+/* Slips in planes that are all but over end at once: beside them directions turn faster than others can follow, as those of feet that hold what slides on them. Whether there are such. */
+static int end_small_slips(const Decision *D, Room R) {
+    int found = 0;
     for (long f = D->lines; f < D->frictions; f++)
-        if (R.touching[D->gaps + f] == 2 && size_of(D, f, D->rate) <= ENDED * R.met[f]) R.touching[D->gaps + f] = 1;
+        if (R.touching[D->gaps + f] == 2 && size_of(D, f, D->rate) <= ENDED * R.met[f]) R.touching[D->gaps + f] = 1, found = 1;
+    return found;
 }
 
 /* Slips that have been put to zero by what holds now, as that of the third foot of what stands still on two, are over, too. Whether there are such; -1 when the input function failed. */
@@ -529,6 +531,8 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     if (code == NO_MODE && !I->directions) {
         if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
         if (end_least_slips(I, &D, R)) code = decide_accelerations(I, R, planned);
+        if (code == NO_MODE && !decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
+        if (code == NO_MODE && end_small_slips(&D, R)) code = decide_accelerations(I, R, planned);
     }
     if (code == NO_MODE && !I->directions && strike_without_closing(I, R)) {
         impacts = 1;
