@@ -531,14 +531,17 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     if (code == NO_MODE && !I->directions) {
         if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
         if (end_least_slips(I, &D, R)) code = decide_accelerations(I, R, planned);
-        if (code == NO_MODE && !decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
-        if (code == NO_MODE && end_small_slips(&D, R)) code = decide_accelerations(I, R, planned);
     }
     if (code == NO_MODE && !I->directions && strike_without_closing(I, R)) {
         impacts = 1;
         code = decide_accelerations(I, R, planned);
     }
     if (code == REACHED_END) code = has_one_answer(I, &D, R);
+    if (code == NO_MODE && !I->directions) { /* what is left of slips shares what feet carry as no law does */
+        if (!decision_at(I, I->t, I->x, &D)) return INPUT_FAILED;
+        if (end_small_slips(&D, R)) code = decide_accelerations(I, R, planned);
+        if (code == REACHED_END) code = has_one_answer(I, &D, R);
+    }
     if (code != REACHED_END) return code;
     int begins = start_together(I, R, planned);
     if (begins < 0) return INPUT_FAILED;
