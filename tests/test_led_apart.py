@@ -71,7 +71,7 @@ def hung(drawn: Drawn, height: Any) -> ac.System:
     return scene
 
 
-@pytest.mark.parametrize(("power", "seed"), zip(POWERS, SEEDS, strict=True))
+@pytest.mark.parametrize(("power", "seed"), list(zip(POWERS, SEEDS, strict=True)))
 def test_a_mass_that_stands_and_hangs_is_drawn_up_by_its_rope(power: int, seed: int) -> None:
     drawn = Drawn(seed)
     led = Led(drawn, power, 0.3 * drawn.L)
