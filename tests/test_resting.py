@@ -196,11 +196,9 @@ def test_a_body_on_rough_feet_of_any_slope_stays_where_any_forces_would_hold_it(
     assert moved < 1e-12 if stays else moved > 1e-6
 
 
-@pytest.mark.parametrize("size", [1e-3, 1.0])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
 def test_a_pushed_box_goes_where_it_is_pushed_from_the_instant_at_which_all_feet_begin_to_slide(size: float) -> None:
-    """As F' (t - t1)^3 / 6 m, and neither aside nor round: what rounding makes of directions while the slip is nothing is not what it makes of them later. Of few coefficients a digit or two
-    are lost, by rounding of the instant itself.
-    """
+    """As F' (t - t1)^3 / 6 m, and neither aside nor round: what rounding makes of directions while all sticks, or while the slip is nothing, is not what it makes of them later."""
     scene, T = ac.System(), np.sqrt(size / G)
     scene.mu, scene.world, scene.box = (
         ac.Parameter(0.3),
@@ -214,12 +212,13 @@ def test_a_pushed_box_goes_where_it_is_pushed_from_the_instant_at_which_all_feet
     scene.push = Force((9 * G / T * ac.time, 0, 0))
     scene.connect(scene.push.point, scene.box.at((0, 0, -0.02 * size)))
     model, place, off = ac.build(scene), scene.box.frame.position, list[float]()
-    for k in range(-11, 12, 2):
+    for k in range(-7, 8, 2):
         mu = 0.3 * (1 + 1e-5 * k)
         run = model.simulate(0.7 * T, {place: (0, 0, 0.1 * size)}, rtol=1e-12, samples=2, parameters={scene.mu: mu})
+        assert run.statistics.steps < 300
         left = 0.7 - 2 * mu / 9
         off.append(float(np.max(np.abs(np.ravel(run[place][-1]) / size - [9 * left**3 / 12, 0, 0.1]))))
-    assert max(off) < 2e-8 and np.quantile(off, 0.8) < 1e-10
+    assert max(off) < 1e-14
 
 
 @pytest.mark.parametrize(

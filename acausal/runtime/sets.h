@@ -373,6 +373,7 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
     if (I->directions && !leave_directions(I)) return INPUT_FAILED;
     for (long r = 0; r < I->row_count; r++) T->far[r] = 0;
     forget_rates(I);
+    forget_mode(I);
     I->h = planned;
     T->pending = -1;
     T->crossed = 0;

@@ -244,6 +244,15 @@ static void turn_to_newton(Integrator *I, long method, double h) {
     begin_weighing(I);
 }
 
+/* Where modes have changed: how slips turned before says nothing of those that begin now, nor does what rounding made of states that nothing else moved. */
+static void forget_mode(Integrator *I) {
+    struct State *T = I->state;
+    if (!slips_turn(I)) return;
+    T->costs.turns = 0;
+    T->costs.newton_rate = INFINITY;
+    memset(T->known, 0, sizeof(double) * (size_t)I->nx);
+}
+
 static void turn_to_gauss(Integrator *I) {
     I->state->newton_now = 0;
     I->state->costs.hard = 0;
@@ -333,6 +342,7 @@ static double free_size(const Integrator *I, const Stages *S, double h, long cou
    try in vain (h = 0): whether Newton's iteration goes on, in steps of size `next`. */
 static int leave_fixed_point(Integrator *I, Stages *S, double h, double limit, double next, double cost) {
     struct Costs *C = &I->state->costs;
+    if (slips_turn(I) && limit == INFINITY) return 0; /* a guess that left nothing to do says nothing of iterations, of which the next may not converge */
     if (I->newton != WHERE_SLOW || (present(&I->clearance) && (I->steps > 0 || is_beside(I, S)))) return 0;
     double newton = newton_cost(I, S), possible = h == 0 ? INFINITY : limit < 2 * h ? free_size(I, S, h, S->s < 3 ? S->s : 3) : limit;
     C->regret += cost - GAIN * fmin(newton * (limit < possible ? h / possible : h > 0), C->newton_rate * h);
