@@ -13,8 +13,10 @@ from scipy.optimize import linprog
 import acausal as ac
 from acausal.errors import SingularWarning
 from components import Coulomb, Force, Particle, PointOnPlane, Prismatic, Revolute, RigidBody, World
+from tests.drawn import SEEDS, Drawn
 
 G = 9.81
+INSTANT = 1e-11
 CORNERS = ((0.2, 0.15), (0.2, -0.15), (-0.2, 0.15), (-0.2, -0.15))
 
 
@@ -65,33 +67,45 @@ def test_a_pushed_box_slides_when_friction_of_all_feet_together_is_too_little_ho
     assert run.steps.t.size < 200
 
 
-@pytest.mark.parametrize("unit", [1e-6, 1.0])
-def test_a_slip_that_begins_slowly_and_turns_is_that_of_another_program(unit: float) -> None:
-    """A point on a plane, whose load turns while it grows past its friction: from a little later on, on the motion to which all others are drawn."""
-    scene = ac.System()
-    scene.world, scene.point, scene.foot = (
-        World((0, 0, -G * unit)),
-        Particle(2.0),
-        PointOnPlane(unilateral=True, friction=Coulomb(0.3)),
+@pytest.mark.parametrize("seed", SEEDS)
+def test_points_that_begin_to_slip_one_after_the_other_while_their_loads_turn_go_as_they_are_driven(seed: int) -> None:
+    """Each is driven by m (v' + mu g v / |v|) for v = j s^2 / 2 (1 - s / b), s = t - a, in a direction that turns: it slips from a on, from no acceleration,
+    and stops at a + b. In tens of steps each."""
+    n, scene, start = Drawn(seed), ac.System(), {}
+    scene.world, g, T, end = World((0, 0, -n.g)), n.g, n.T, 0.25 * n.T
+    asked = [
+        (
+            n.within(0.3, 0.8),
+            T * (0.05 + 0.02 * k + n.within(0, 0.01)),
+            T * n.within(0.12, 0.2),
+            n.within(0.3, 0.8) * g / T,
+            n.within(-6, 6) / T,
+        )
+        for k in range(5)
+    ]
+    scene.points, scene.feet = (
+        [Particle(n.M * n.within(0.3, 3)) for _ in asked],
+        [PointOnPlane(unilateral=True, friction=Coulomb(mu)) for mu, *_ in asked],
     )
-    scene.connect(scene.world.frame, scene.foot.frame_a)
-    scene.connect(scene.foot.frame_b, scene.point.point)
-    scene.push = Force(lambda t: (6 * unit * t, unit * (8 * t + 3 * t * t), 0))
-    scene.connect(scene.push.point, scene.point.point)
-    p = scene.point.point
-    run = ac.build(scene).simulate(0.8, {p.position: (0, 0, 0), p.velocity: (0, 0, 0)}, rtol=1e-12)
-    (slides,) = [t.time for t in run.transitions if t.changes]
-    assert np.hypot(6 * slides, 8 * slides + 3 * slides**2) == pytest.approx(0.6 * G, rel=1e-12)
-
-    def rates(t: float, v: np.ndarray) -> np.ndarray:
-        return np.array([3 * t, 4 * t + 1.5 * t * t]) - 0.3 * G * v / np.hypot(*v)
-
-    load, later = np.array([6, 8 + 3 * slides]), 1e-4
-    grows = load @ np.array([6, 8 + 6 * slides]) / np.linalg.norm(load) / 2
-    begun = grows * later**2 / 2 * load / np.linalg.norm(load)
-    other = solve_ivp(rates, (slides + later, 0.8), begun, "Radau", rtol=1e-10, atol=1e-14)
-    assert run[p.velocity][-1][:2] / unit == pytest.approx(other.y[:, -1], rel=1e-6)
-    assert run.steps.t.size < 200
+    scene.loads, places = [], [n.place() * (1, 1, 0) for _ in asked]
+    for place, point, foot, (mu, a, b, j, w) in zip(places, scene.points, scene.feet, asked, strict=True):
+        s = ac.time - a
+        pull, turned, x, y = j * s * (1 - 1.5 * s / b) + mu * g, j * s**2 / 2 * (1 - s / b) * w, np.cos(w * s), np.sin(w * s)
+        scene.loads.append(Force((point.mass * (pull * x - turned * y), point.mass * (pull * y + turned * x), 0)))
+        scene.connect(scene.world.frame, foot.frame_a)
+        scene.connect(foot.frame_b, point.point)
+        scene.connect(scene.loads[-1].point, point.point)
+        start |= {point.point.position: place, point.point.velocity: (0, 0, 0)}
+    run = ac.build(scene).simulate(end, start, rtol=1e-12, samples=2)
+    nodes, weights = np.polynomial.legendre.leggauss(30)
+    for k, (place, point, (_, a, b, j, w)) in enumerate(zip(places, scene.points, asked, strict=True)):
+        last = min(end - a, b)
+        s = last * (1 + nodes) / 2
+        moved = last / 2 * weights @ (j * s**2 / 2 * (1 - s / b) * np.exp(1j * w * s))
+        assert run[point.point.position][-1] == pytest.approx(place + np.array([moved.real, moved.imag, 0]), abs=1e-11 * n.L)
+        times = [t.time for t in run.transitions if any(part.startswith(f"feet[{k}]") for part in t.parts)]
+        assert times == pytest.approx([t for t in (a, a + b) if t < end], rel=INSTANT)
+    assert run.statistics.steps < 2500
 
 
 def loaded(order: tuple[int, ...], along: np.ndarray, friction: float) -> tuple[ac.System, list[Any], dict[Any, Any]]:

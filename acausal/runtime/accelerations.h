@@ -216,7 +216,7 @@ static enum Code decide_others(Integrator *I, Room R, double later, int *roughly
     for (long k = carried_of(I); I->redundant && k < first_discrete(I); k++) T->side[k] = 0;
     if (!decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
     for (long i = 0; i < D->gaps; i++) R.law[i] = i >= I->valves && R.touching[i] && (R.touching[i] == 2 || D->rate[i] <= least_rate(I, D, i, D->free[i])) ? MAY_HOLD : OFF;
-    for (long f = 0; f < D->frictions; f++) R.law[D->gaps + f] = R.touching[D->gaps + f] == 1 ? MAY_HOLD : AGAINST;
+    for (long f = 0; f < D->frictions; f++) R.law[D->gaps + f] = R.touching[D->gaps + f] == 1 ? MAY_HOLD : R.touching[D->gaps + f] == 3 ? MAY_SLIDE : AGAINST;
     memcpy(asked, R.law, sizeof(long) * (size_t)laws);
     for (long f = 0; f < D->frictions; f++) R.slow[f] = size_of(D, f, D->rate);
     if (!decision_later(I, later, D)) return INPUT_FAILED;
@@ -363,14 +363,30 @@ static enum Code decide_accelerations(Integrator *I, Room R, double planned) {
     return code;
 }
 
+/* What is missing (n) of the rates of what holds is brought about by impulses of that alone. */
+static void give_speeds(Integrator *I, const Decision *D, Room R, long *law, const double *missing) {
+    struct State *T = I->state;
+    Decision nothing = decision_of(I, T->no_change, 0);
+    double *change = T->blow;
+    Problem p = problem_of(I, D, R, missing);
+    p.law = law;
+    p.kinetic = 1;
+    p.damping = DEPENDENT;
+    memset(T->no_change, 0, sizeof(double) * (size_t)I->decision.outputs);
+    memset(R.push, 0, sizeof(double) * (size_t)D->n);
+    change_choice(&p, &nothing, missing, 0, T->choice_change, change);
+    for (long i = 0; i < I->nx; i++)
+        for (long j = 0; j < D->n; j++) I->x[i] += D->J[i * D->n + j] * change[j];
+}
+
 /* Slips in planes that begin together, without a jump of their accelerations: which ways they go is told by all of them at once, as those of feet by the point that a body turns about. What acts
    against directions that are held would not keep them there. So they begin with speeds, nothing beside those met, at which directions need not be held. Whether there are such; -1 when the input
    function failed. */
 static int start_together(Integrator *I, Room R, double planned) {
     struct State *T = I->state;
-    Decision D, nothing = decision_of(I, T->no_change, 0);
+    Decision D;
     long n = reactions_of(I), astray = 0, *law = R.asked;
-    double *missing = R.centre, *change = T->blow, time = 0, fast = 0, most = 0;
+    double *missing = R.centre, time = 0, fast = 0, most = 0;
     for (long f = I->lines; f < I->lines + I->planes; f++) astray |= R.law[I->one_sided + f] == STARTS;
     if (!I->redundant || !astray) return 0;
     astray = 0;
@@ -395,7 +411,7 @@ static int start_together(Integrator *I, Room R, double planned) {
     if (!astray) return 0;
     time = fmax(time, BEGUN * most / fast);
     if (!decision_at(I, I->t, I->x, &D)) return -1;
-    for (long i = 0; i < n; i++) missing[i] = R.push[i] = 0;
+    for (long i = 0; i < n; i++) missing[i] = 0;
     for (long f = D.lines; f < D.lines + D.planes; f++) {
         double *mask = T->side + mask_of(I, f);
         if (law[D.gaps + f] != STARTS) continue;
@@ -403,13 +419,34 @@ static int start_together(Integrator *I, Room R, double planned) {
         for (long k = row_of(&D, f); k < row_of(&D, f) + 2; k++) missing[k] = -time * R.rate[k];
         mask[1] = 1, mask[2] = mask[4] = mask[5] = 0;
     }
-    Problem p = problem_of(I, &D, R, missing);
-    p.law = law;
-    p.kinetic = 1;
-    p.damping = DEPENDENT;
-    memset(T->no_change, 0, sizeof(double) * (size_t)I->decision.outputs);
-    change_choice(&p, &nothing, missing, 0, T->choice_change, change);
-    for (long i = 0; i < I->nx; i++)
-        for (long j = 0; j < n; j++) I->x[i] += D.J[i * n + j] * change[j];
+    give_speeds(I, &D, R, law, missing);
+    return 1;
+}
+
+/* Slips in planes that have begun, against directions that were held, are let go (3 in R.touching) in the directions in which they would begin here: what is off these was made of
+   how the others were held, and is forgotten at once. Whether there were such; -1 when the input function failed. */
+static int let_go(Integrator *I, Room R) {
+    struct State *T = I->state;
+    Decision D;
+    long n = reactions_of(I), freed = 0, *law = R.asked;
+    double *missing = R.centre;
+    for (long f = I->lines; f < I->lines + I->planes; f++) freed |= R.touching[I->one_sided + f] == 3;
+    if (!freed) return 0;
+    if (!decision_at(I, I->t, I->x, &D)) return -1;
+    for (long k = 0; k < D.gaps + D.frictions; k++) law[k] = k >= D.valves && R.law[k] == HOLDS ? HOLDS : OFF;
+    for (long i = 0; i < n; i++) missing[i] = 0;
+    for (long f = D.lines; f < D.lines + D.planes; f++) {
+        long i = row_of(&D, f);
+        double *mask = T->side + mask_of(I, f), part = 0;
+        if (R.touching[D.gaps + f] != 3) continue;
+        for (long k = i; k < i + 2; k++) part += D.rate[k] * R.rate[k];
+        part /= R.rate[i] * R.rate[i] + R.rate[i + 1] * R.rate[i + 1];
+        for (long k = i; k < i + 2; k++) missing[k] = D.rate[k] - part * R.rate[k];
+        law[D.gaps + f] = HOLDS;
+        R.law[D.gaps + f] = AGAINST;
+        R.touching[D.gaps + f] = 2;
+        mask[1] = 1, mask[2] = mask[4] = mask[5] = 0;
+    }
+    give_speeds(I, &D, R, law, missing);
     return 1;
 }

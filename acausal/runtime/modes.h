@@ -74,7 +74,8 @@ static void end_low_bounces(Integrator *I, const Decision *D, Room R) {
         for (long j = 0; j < n; j++) I->x[i] += D->J[i * n + j] * R.before[j];
 }
 
-/* What touches, and which way it slips: of one-sided laws 0 or 1, 2 where they have come to rest; of frictions 1 where the slip is zero, 2 else, with its direction. */
+/* What touches, and which way it slips: of one-sided laws 0 or 1, 2 where they have come to rest; of frictions 1 where the slip is zero, 2 else, with its direction, 3 where that has been held until
+   now. */
 static void look_at_slips(Integrator *I, const Decision *D, Room R, long row, const double *before) {
     struct State *T = I->state;
     for (long f = 0; f < D->frictions; f++) {
@@ -86,7 +87,7 @@ static void look_at_slips(Integrator *I, const Decision *D, Room R, long row, co
         for (long k = 0; k < size; k++) stuck &= !has_jumped(I, D, D->gaps + i + k);
         int passed = !before && size == 1 && mask[1] * D->rate[i] < 0 && !has_jumped(I, D, D->gaps + i); /* in the same instant as the row's */
         int zero = stuck || stops || passed || slip <= nil;
-        R.touching[D->gaps + f] = zero ? 1 : 2;
+        R.touching[D->gaps + f] = zero ? 1 : held && size == 2 && row == first + 1 && !I->directions ? 3 : 2;
         if (size == 1 || zero) e[0] = D->rate[i] > 0 ? 1 : -1, e[1] = e[2] = 0;
         else if (held && !before && slip < 2 * mask[3] && row != first + 1) memcpy(e, mask + 4, sizeof(double) * (size_t)size);
         else against(D, f, D->rate + i, e);
@@ -350,6 +351,20 @@ static void note_strength(Integrator *I, const Decision *D, Room R) {
     }
 }
 
+/* Slips whose directions were held go on as they came where they are on their way, or do not begin here. Whether there are such. */
+static int keep_their_ways(const Decision *D, Room R, enum Code code) {
+    int found = 0;
+    for (long f = D->lines; f < D->lines + D->planes; f++) {
+        const double *slip = D->rate + row_of(D, f), *rate = R.rate + row_of(D, f);
+        double along = slip[0] * rate[0] + slip[1] * rate[1], aside = fabs(slip[0] * rate[1] - slip[1] * rate[0]);
+        long *touching = R.touching + D->gaps + f;
+        if (*touching != 3 || (code == REACHED_END && R.law[D->gaps + f] == STARTS && along > 0 && aside > OFF_COURSE * along)) continue;
+        *touching = 2;
+        found = 1;
+    }
+    return found;
+}
+
 /* Gaps that are below zero by more than rounding, at a tolerance that allows for it, are put to zero where they strike or leave, as what holds is: positions are moved, speeds
    stay. 1 where there are such gaps, -1 when the input function failed. */
 static int lift(Integrator *I, Decision *D, Room R) {
@@ -492,6 +507,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         if (leaves[i]) R.touching[i] = 0;
     }
     enum Code code = decide_accelerations(I, R, planned);
+    if (keep_their_ways(&D, R, code)) code = decide_accelerations(I, R, planned);
     int low = code == REACHED_END && fall_back(I, &D, R, rate, leaves), over = 0;
     if (impacts) {
         note_sticking(I, &D, R);
@@ -543,9 +559,9 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         if (code == REACHED_END) code = has_one_answer(I, &D, R);
     }
     if (code != REACHED_END) return code;
-    int begins = start_together(I, R, planned);
-    if (begins < 0) return INPUT_FAILED;
-    lifted |= begins;
+    int freed = let_go(I, R), begins = start_together(I, R, planned);
+    if (begins < 0 || freed < 0) return INPUT_FAILED;
+    lifted |= begins | freed;
     for (int more = 1; more;) {
         memcpy(T->later_x, I->x, sizeof(double) * (size_t)I->nx);
         project(I, I->t, I->x);
