@@ -70,7 +70,7 @@ def test_a_pushed_box_slides_when_friction_of_all_feet_together_is_too_little_ho
 @pytest.mark.parametrize("seed", SEEDS)
 def test_points_that_begin_to_slip_one_after_the_other_while_their_loads_turn_go_as_they_are_driven(seed: int) -> None:
     """Each is driven by m (v' + mu g v / |v|) for v = j s^2 / 2 (1 - s / b), s = t - a, in a direction that turns: it slips from a on, from no acceleration,
-    and stops at a + b. In tens of steps each."""
+    and stops at a + b. In some hundred steps each, not thousands."""
     n, scene, start = Drawn(seed), ac.System(), {}
     scene.world, g, T, end = World((0, 0, -n.g)), n.g, n.T, 0.25 * n.T
     asked = [
@@ -105,7 +105,7 @@ def test_points_that_begin_to_slip_one_after_the_other_while_their_loads_turn_go
         assert run[point.point.position][-1] == pytest.approx(place + np.array([moved.real, moved.imag, 0]), abs=1e-11 * n.L)
         times = [t.time for t in run.transitions if any(part.startswith(f"feet[{k}]") for part in t.parts)]
         assert times == pytest.approx([t for t in (a, a + b) if t < end], rel=INSTANT)
-    assert run.statistics.steps < 2500
+    assert run.statistics.steps < 800
 
 
 def loaded(order: tuple[int, ...], along: np.ndarray, friction: float) -> tuple[ac.System, list[Any], dict[Any, Any]]:
@@ -409,7 +409,10 @@ def test_derivatives_say_where_a_foot_that_bears_nothing_hides_the_instant_at_wh
         ac.build(scene).sensitivities([0.0, 0.04], [mu], {scene.box.frame.position: (0, 0, 0.1)}, rtol=1e-9)
 
 
-@pytest.mark.parametrize(("size", "mu", "height"), [(1.0, 0.3, 0.4), (1e-3, 0.6, 0.4), (1e3, 0.3, 0.35)])
+@pytest.mark.parametrize(
+    ("size", "mu", "height"),
+    [(1.0, 0.3, 0.4), (1.0, 0.45, 0.37), (1e-3, 0.3, 0.4), (1e-3, 0.6, 0.4), (1e3, 0.3, 0.35), (1e3, 0.45, 0.35)],
+)
 def test_a_box_that_lands_level_on_an_incline_slips_from_rest_on_two_of_its_feet(size: float, mu: float, height: float) -> None:
     """Nothing moves it across, but rounding. Its planar equations: an impact that stops its edge, then slip that begins at once, downhill."""
     slope, corner = 0.4, np.array([-0.2, -0.1])
@@ -449,4 +452,4 @@ def test_a_box_that_lands_level_on_an_incline_slips_from_rest_on_two_of_its_feet
     world = turn(slope) @ by[:2]
     assert run[scene.box.frame.position][-1] == pytest.approx(np.array([world[0], 0.0, world[1]]) * size, abs=1e-9 * size)
     assert run[scene.box.frame.angular_velocity][-1] == pytest.approx([0.0, by[5], 0.0], abs=1e-7)
-    assert run.statistics.steps < 100 and run.energy_error() < 1e-11
+    assert run.statistics.steps < 40 and run.energy_error() < 1e-11

@@ -80,6 +80,9 @@ static int foresee_slips(Integrator *I, Decision *D, Room R, double planned, dou
         for (long k = i; k < i + rows_of(D, f); k++)
             for (long x = 0; x < I->nx && D->W[k * n + k] > 0; x++) T->size[x] = fmax(T->size[x], gain * fabs(D->J[x * n + k]) / D->W[k * n + k]);
     }
+    for (long x = 0; x < I->nx; x++) T->later_x[x] = I->x[x] + (x < I->positions ? 0 : T->size[x]); /* and so large what these move */
+    if (!rate_at(I, I->t, I->x, T->first_rate) || !rate_at(I, I->t, T->later_x, T->rate)) return 0;
+    for (long x = 0; x < I->positions; x++) T->size[x] = fmax(T->size[x], planned * fabs(T->rate[x] - T->first_rate[x]));
     return decision_later(I, later, D);
 }
 
@@ -423,8 +426,8 @@ static int start_together(Integrator *I, Room R, double planned) {
     return 1;
 }
 
-/* Slips in planes that have begun, against directions that were held, are let go (3 in R.touching) in the directions in which they would begin here: what is off these was made of
-   how the others were held, and is forgotten at once. Whether there were such; -1 when the input function failed. */
+/* Slips in planes that have begun, against directions that were held, are let go (3 in R.touching) in the directions in which they would begin here, which forces tell better than accelerations that
+   are still small: what is off these was made of how the others were held, and is forgotten at once. Whether there were such; -1 when the input function failed. */
 static int let_go(Integrator *I, Room R) {
     struct State *T = I->state;
     Decision D;
@@ -439,13 +442,14 @@ static int let_go(Integrator *I, Room R) {
         long i = row_of(&D, f);
         double *mask = T->side + mask_of(I, f), part = 0;
         if (R.touching[D.gaps + f] != 3) continue;
-        for (long k = i; k < i + 2; k++) part += D.rate[k] * R.rate[k];
-        part /= R.rate[i] * R.rate[i] + R.rate[i + 1] * R.rate[i + 1];
-        for (long k = i; k < i + 2; k++) missing[k] = D.rate[k] - part * R.rate[k];
+        for (long k = i; k < i + 2; k++) part += D.rate[k] * R.push[k];
+        part /= R.push[i] * R.push[i] + R.push[i + 1] * R.push[i + 1];
+        for (long k = i; k < i + 2; k++) missing[k] = D.rate[k] - part * R.push[k];
         law[D.gaps + f] = HOLDS;
         R.law[D.gaps + f] = AGAINST;
         R.touching[D.gaps + f] = 2;
         mask[1] = 1, mask[2] = mask[4] = mask[5] = 0;
+        mask[3] = fmin(mask[3], 0.5 * fabs(part) * hypot(R.push[i], R.push[i + 1])); /* it is not held again at once */
     }
     give_speeds(I, &D, R, law, missing);
     return 1;
