@@ -96,20 +96,26 @@ def test_a_rocking_block_loses_housners_share_at_each_impact_and_stands(seed: in
     assert np.max(np.abs(run[scene.plane.v][-1] / [R, R, 1])) < 1e-30 * np.sqrt(rate2)
 
 
-@pytest.mark.parametrize(("lower", "upper"), [(0.9, 0.6), (1.0, 1.0)])
-def test_a_block_on_a_slope_between_two_stops_strikes_as_parabolas_do(lower: float, upper: float) -> None:
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_block_on_a_slope_between_two_stops_strikes_as_parabolas_do(seed: int) -> None:
     """Down to the lower stop, up to the upper one as long as it gets there."""
-    pull, length = G * np.sin(0.4), 0.5
-    scene = ac.System()
-    scene.world, scene.rail = World((-pull, 0, -G * np.cos(0.4))), Prismatic("x")
-    scene.block = RigidBody.box(2.0, (0.1, 0.1, 0.1))
-    scene.low, scene.high = (
-        EndStop(scene.rail.flange, lower=0.0, restitution=lower),
-        EndStop(scene.rail.flange, upper=length, restitution=upper),
+    of = Drawn(seed)
+    pull, length, lower, upper, Q = (
+        of.g * np.sin(of.within(0.2, 1)),
+        of.L * of.within(0.3, 1),
+        of.within(0.85, 1),
+        of.within(0.6, 1),
+        of.turn(),
     )
+    begin, end = (length * of.within(0, 1), np.sqrt(pull * length) * of.within(-4, 4), 0.0), 6 * np.sqrt(length / pull)
+    scene = ac.System()
+    scene.world, scene.rail = World(tuple(-pull * Q[:, 0] + of.g * Q[:, 1])), Prismatic(tuple(Q[:, 0]))
+    scene.block = RigidBody.box(of.M, (0.1 * of.L,) * 3)
+    stops = EndStop(scene.rail.flange, lower=0.0, restitution=lower), EndStop(scene.rail.flange, upper=length, restitution=upper)
+    scene.stops = [stops[k] for k in of.order(2)]
     scene.connect(scene.world.frame, scene.rail.frame_a)
     scene.connect(scene.rail.frame_b, scene.block.frame)
-    x, v, t, strikes, end = 0.2, 4.0, 0.0, [], 3.0
+    (x, v, t), strikes = begin, list[float]()
     while True:
         last = x, v, t
         if v > 0 and v * v > 2 * pull * (length - x):
@@ -117,15 +123,15 @@ def test_a_block_on_a_slope_between_two_stops_strikes_as_parabolas_do(lower: flo
             t, x, v = t + 2 * (length - x) / (v + fast), length, -upper * fast
         else:
             fast = np.sqrt(v * v + 2 * pull * x)
-            t, x, v = t + (v + fast) / pull, 0.0, lower * fast
+            t, x, v = t + ((v + fast) / pull if v > 0 else 2 * x / (fast - v)), 0.0, lower * fast
         if t > end:
             break
         strikes.append(t)
-    run = ac.build(scene).simulate(end, {scene.rail.q: 0.2, scene.rail.v: 4.0}, rtol=1e-12, compiled=False)
-    x, v, t = last
-    assert len(strikes) > 6 and impacts(run) == pytest.approx(strikes, rel=INSTANT)
-    assert run[scene.rail.q][-1] == pytest.approx(x + v * (end - t) - pull / 2 * (end - t) ** 2, abs=STATE)
-    assert run[scene.rail.v][-1] == pytest.approx(v - pull * (end - t), abs=STATE)
+    run = ac.build(scene).simulate(end, {scene.rail.q: begin[0], scene.rail.v: begin[1]}, rtol=1e-12, compiled=False)
+    (x, v, t), unit = last, np.sqrt(pull * length)
+    assert len(strikes) > 3 and impacts(run) == pytest.approx(strikes, rel=INSTANT)
+    assert run[scene.rail.q][-1] / length == pytest.approx((x + v * (end - t) - pull / 2 * (end - t) ** 2) / length, abs=STATE)
+    assert run[scene.rail.v][-1] / unit == pytest.approx((v - pull * (end - t)) / unit, abs=STATE)
 
 
 def flows(free: np.ndarray, stands: np.ndarray, z: np.ndarray, restitution: float, end: float) -> tuple[list[float], np.ndarray]:
@@ -454,49 +460,48 @@ def test_a_woodpecker_jams_slips_and_pecks_as_a_program_says_that_tries_all_case
     assert np.array([run[x][-1] for x in states]) / scale == pytest.approx(units * z[:6] / scale, abs=STATE)
 
 
-@pytest.mark.parametrize("lifts", [True, False])
-def test_a_tippe_top_slips_and_turns_over_as_its_own_equations_say(lifts: bool) -> None:
-    """A ball whose centre of mass is below its middle, by Newton and Euler: the force at its foot follows from that this stays on the floor."""
-    m, r, a, A, C, mu = 0.02, 0.02, 0.004, 3.0e-6, 2.8e-6, 0.3
-    up, tilt, spin = np.array([0.0, 0.0, 1.0]), 0.2, 120.0
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_tippe_top_slips_and_turns_over_as_its_own_equations_say(seed: int) -> None:
+    """A ball whose centre of mass is below its middle, by Newton and Euler, in units of its radius, mass and weight: the force at its foot follows from that this stays on the floor."""
+    of = Drawn(seed)
+    a, A, C, mu = of.within(0.18, 0.22), of.within(0.36, 0.38), of.within(0.34, 0.36), of.within(0.28, 0.32)
+    up, tilt, spin, speed, end = np.array([0.0, 0.0, 1.0]), of.within(0.18, 0.22), of.within(5.2, 5.6), of.within(0.2, 0.25), 7.0
 
     def rates(_: float, y: np.ndarray) -> np.ndarray:
         v, w, e = y[3:6], y[6:9], y[9:12]  # of the centre of mass, of the body, its axis
-        arm = a * e - r * up  # from the centre of mass, at -a e from the middle, to the foot
+        arm = a * e - up  # from the centre of mass, at -a e from the middle, to the foot
         slip = v + np.cross(w, arm)
         push = up - mu * slip[:2] @ np.eye(2, 3) / np.hypot(*slip[:2])
         turned = np.cross(-w, A * w + (C - A) * (w @ e) * e)
         inverse = np.eye(3) / A + (1 / C - 1 / A) * np.outer(e, e)
-        # the height of the foot, z - a e_z - r + ..., does not change: v_z' = -a e''_z
+        # the height of the foot, z - a e_z - 1 + ..., does not change: v_z' = -a e''_z
         free, by = inverse @ turned, inverse @ np.cross(arm, push)
         bend = np.cross(free, e)[2] + np.cross(w, np.cross(w, e))[2]
-        N = (G - a * bend) / (1 / m + a * np.cross(by, e)[2])
-        return np.concatenate([v, N * push / m - G * up, free + N * by, np.cross(w, e)])
+        N = (1 - a * bend) / (1 + a * np.cross(by, e)[2])
+        return np.concatenate([v, N * push - up, free + N * by, np.cross(w, e)])
 
     e = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
-    begin = np.concatenate([r * up - a * e, [0.1, 0.0, 0.0], spin * up, e])
+    begin = np.concatenate([up - a * e, [speed, 0.0, 0.0], spin * up, e])
     begin[3:6] -= np.cross(begin[6:9], a * e)
-    other = solve_ivp(rates, (0, 0.4), begin, "DOP853", rtol=1e-12, atol=1e-12).y[:, -1]
-    scene = ac.System()
-    scene.world, scene.top = World((0, 0, -G)), RigidBody(m, (A, A, C), centre_of_mass=(0, 0, -a))
-    scene.floor = (
-        Contact(Sphere(r), Plane(), Hard(friction=Coulomb(mu))) if lifts else RoughContact(Sphere(r), Plane(), Coulomb(mu))
+    other = solve_ivp(rates, (0, end), begin, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    r, T, Q, place, inertia = of.L, np.sqrt(of.L / of.g), of.turn(), of.place(), of.M * of.L**2
+    scene, friction = ac.System(), Coulomb(mu)
+    scene.world, scene.top = (
+        World(tuple(-of.g * Q[:, 2])),
+        RigidBody(of.M, (A * inertia, A * inertia, C * inertia), centre_of_mass=(0, 0, -a * r)),
     )
-    scene.connect(scene.world.frame, scene.floor.frame_a)
+    scene.floor = RoughContact(Sphere(r), Plane(), friction) if seed % 2 else Contact(Sphere(r), Plane(), Hard(friction=friction))
+    scene.connect(scene.world.at(tuple(place), rotation=Q), scene.floor.frame_a)
     scene.connect(scene.floor.frame_b, scene.top.frame)
     f, c, s = scene.top.frame, np.cos(tilt), np.sin(tilt)
-    start = {
-        f.position: (0, 0, r),
-        f.rotation: ((c, 0, s), (0, 1, 0), (-s, 0, c)),
-        f.velocity: (0.1, 0, 0),
-        f.angular_velocity: (0, 0, spin),
-    }
-    run = ac.build(scene).simulate(0.4, start, rtol=1e-12)
-    axis = run[f.rotation][-1][:, 2]
-    assert axis == pytest.approx(other[9:12], abs=1e-9)
-    assert run[f.angular_velocity][-1] == pytest.approx(other[6:9], rel=1e-9, abs=1e-7)
-    assert run[f.position][-1] - a * axis == pytest.approx(other[:3], abs=1e-11)
-    assert run.energy_error() < 1e-9
+    start = {f.position: place + r * Q[:, 2], f.rotation: Q @ [[c, 0, s], [0, 1, 0], [-s, 0, c]]}
+    start |= {f.velocity: speed * r / T * Q[:, 0], f.angular_velocity: spin / T * Q[:, 2]}
+    run = ac.build(scene).simulate(end * T, start, rtol=1e-12, samples=2)
+    axis = Q.T @ run[f.rotation][-1][:, 2]
+    assert axis == pytest.approx(other[9:12], abs=STATE)
+    assert run[f.angular_velocity][-1] @ Q * T == pytest.approx(other[6:9], abs=STATE)
+    assert (run[f.position][-1] - place) @ Q / r - a * axis == pytest.approx(other[:3], abs=STATE)
+    assert run.energy_error() < 1e-11
 
 
 @pytest.mark.parametrize("locked", ["stands", "slides"])
