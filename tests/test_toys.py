@@ -227,11 +227,14 @@ def collides(x: np.ndarray, v: np.ndarray, r: float, box: np.ndarray, end: float
 
 
 @pytest.mark.slow
-def test_billiards_follow_the_collisions_one_by_one_until_errors_have_grown_a_million_times() -> None:
-    """Three balls in a square; what they are apart from a motion next to theirs tells how far rounding may lead."""
-    r, box, n = 0.12, np.array([1.0, 1.1]), 3
-    x = np.array([[0.2, 0.3], [0.7, 0.35], [0.45, 0.8]])
-    v = np.array([[1.0, 0.37], [-0.6, 0.9], [0.21, -0.83]])
+@pytest.mark.parametrize("seed", SEEDS)
+def test_billiards_follow_the_collisions_one_by_one_until_errors_have_grown_a_million_times(seed: int) -> None:
+    """Three balls in a rectangle; what they are apart from a motion next to theirs tells how far rounding may lead."""
+    of, n = Drawn(seed), 3
+    r, box, x = of.within(0.08, 0.13), np.array([of.within(0.9, 1.1), 1.0]), np.zeros((n, 2))
+    while min(np.linalg.norm(a - b) for a, b in combinations(x, 2)) < 2.2 * r:
+        x = r + (box - 2 * r) * of.rng.uniform(size=(n, 2))
+    v = of.rng.uniform(-1, 1, (n, 2))
     end = 0.0
     while end < 40:
         end += 0.5
@@ -240,28 +243,32 @@ def test_billiards_follow_the_collisions_one_by_one_until_errors_have_grown_a_mi
         growth = np.max(np.abs(near[1] - places)) / 1e-12
         if growth > 1e6:
             break
+    L, T = of.L, of.T
     scene = ac.System()
-    scene.world, scene.balls = World(None), [RigidBody.ball(1.0, r) for _ in range(n)]
+    scene.world, scene.balls = World(None), [RigidBody.ball(of.M, r * L) for _ in range(n)]
     sides = [((0, 0, 0), ((0, 0, 1), (1, 0, 0), (0, 1, 0))), ((0, 0, 0), ((0, 1, 0), (0, 0, 1), (1, 0, 0)))]
-    sides += [((box[0], 0, 0), ((0, 0, -1), (1, 0, 0), (0, -1, 0))), ((0, box[1], 0), ((0, 1, 0), (0, 0, -1), (-1, 0, 0)))]
+    sides += [
+        ((box[0] * L, 0, 0), ((0, 0, -1), (1, 0, 0), (0, -1, 0))),
+        ((0, box[1] * L, 0), ((0, 1, 0), (0, 0, -1), (-1, 0, 0))),
+    ]
     walls = [scene.world.at(*side) for side in sides]
-    scene.walls = [Contact(Sphere(r), Plane(), Hard(1.0)) for _ in range(4 * n)]
-    scene.pairs = [Contact(Sphere(r), Sphere(r), Hard(1.0)) for _ in range(n * (n - 1) // 2)]
+    scene.walls = [Contact(Sphere(r * L), Plane(), Hard(1.0)) for _ in range(4 * n)]
+    scene.pairs = [Contact(Sphere(r * L), Sphere(r * L), Hard(1.0)) for _ in range(n * (n - 1) // 2)]
     for contact, (ball, wall) in zip(scene.walls, product(scene.balls, walls), strict=True):
         scene.connect(wall, contact.frame_a)
         scene.connect(contact.frame_b, ball.frame)
     for contact, (one, other) in zip(scene.pairs, combinations(scene.balls, 2), strict=True):
         scene.connect(one.frame, contact.frame_a)
         scene.connect(contact.frame_b, other.frame)
-    start = {ball.frame.position: (*at, 0) for ball, at in zip(scene.balls, x, strict=True)}
-    start |= {ball.frame.velocity: (*at, 0) for ball, at in zip(scene.balls, v, strict=True)}
-    run = ac.build(scene).simulate(end, start, rtol=1e-12, compiled=False)
-    found = np.array(impacts(run))
+    start = {ball.frame.position: (*at * L, 0) for ball, at in zip(scene.balls, x, strict=True)}
+    start |= {ball.frame.velocity: (*at * L / T, 0) for ball, at in zip(scene.balls, v, strict=True)}
+    run = ac.build(scene).simulate(end * T, start, rtol=1e-12, compiled=False)
+    found = np.array(impacts(run)) / T
     assert len(found) == len(strikes) > 10
     early = np.array(strikes) < 0.4 * end
     assert found[early] == pytest.approx(np.array(strikes)[early], rel=INSTANT)
-    last = np.array([run[ball.frame.position][-1, :2] for ball in scene.balls])
-    fast = np.array([run[ball.frame.velocity][-1, :2] for ball in scene.balls])
+    last = np.array([run[ball.frame.position][-1, :2] / L for ball in scene.balls])
+    fast = np.array([run[ball.frame.velocity][-1, :2] / L * T for ball in scene.balls])
     assert np.max(np.abs(last - places)) < 1e-14 * growth and np.max(np.abs(fast - speeds)) < 1e-13 * growth
 
 
