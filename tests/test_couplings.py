@@ -508,7 +508,7 @@ def test_an_input_without_a_rate_is_told():
 
 
 def test_a_jump_of_a_prescribed_speed_is_told():
-    with pytest.warns(JumpWarning, match="missed by 1"):
+    with pytest.warns(JumpWarning, match="input speed is off by 1 of what its rate says"):
         driven((lambda t: float(t > 1), lambda t: 0.0))
 
 

@@ -189,7 +189,7 @@ def test_rates_of_samples_are_known_where_a_speed_is_prescribed() -> None:
     assert abs(run[scene.rail.q][-1] - (0.5 + 1.0 + 0.0 - 1.0)) < 1e-12
     assert np.allclose(run[scene.rail.v], course(run.t), rtol=0, atol=1e-12)
     assert np.allclose(run[scene.source.flange.f], -2.0 * course.derivative()(run.t), rtol=0, atol=1e-9)
-    with pytest.warns(JumpWarning, match="what an input prescribes is missed by 2"):
+    with pytest.warns(JumpWarning, match="input speed is off by 2 of what its rate says"):
         model.simulate(2.0, inputs={scene.speed: ac.samples([0, 1], [0.0, 2.0], "constant")})
 
 

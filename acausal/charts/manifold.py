@@ -166,16 +166,14 @@ def _greatest(samples: list[np.ndarray]) -> np.ndarray:
 
 
 def manifold(functions: Functions, units: np.ndarray) -> Manifold:
-    """The invariants of a model, sorted. `units`: what is much for each state (nx,)."""
+    """The invariants of a model in which no input stands, sorted; what inputs prescribe is followed by their rates. `units`: what is much for each state (nx,)."""
     s = functions.outputs.system
     nv = s.tree_velocities
     q, w = s.x[: s.nq], s.x[s.nq :]
     quaternions = unit_quaternions(s.position_invariants, q)
-    rows = ca.vertcat(
-        *(s.position_invariants[k] for k in range(s.position_invariants.numel()) if k not in quaternions),
-        s.velocity_invariants,
-        ca.SX(0, 1),
-    )
+    positions = (s.position_invariants[k] for k in range(s.position_invariants.numel()) if k not in quaternions)
+    everything = ca.vertsplit(ca.vertcat(*positions, s.velocity_invariants, ca.SX(0, 1)))
+    rows = ca.vertcat(*(row for row in everything if not ca.depends_on(row, s.u)), ca.SX(0, 1))
     own = {w[i].element_hash() for i in range(w.numel())}
     moving = [any(symbol.element_hash() in own for symbol in ca.symvar(rows[k])) for k in range(rows.numel())]
     position = _rows(rows, [k for k, m in enumerate(moving) if not m])

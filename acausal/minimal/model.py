@@ -28,7 +28,7 @@ from acausal.start.decided import check_decided
 from acausal.start.initial import InitialState
 from acausal.start.situation import InputValues, ParameterValues, Situation, StartValues, situation
 from acausal.start.start_values import Start, near
-from acausal.start.states import consistent_states, start_values
+from acausal.start.states import consistent_states, finite_states, start_values
 from acausal.wording import counted
 
 if TYPE_CHECKING:
@@ -290,10 +290,9 @@ def minimal_model(functions: Functions, at: Situation, prefer: Sequence[Variable
 
 
 def _chart(atlas: Atlas, t: float, x: Any, p: np.ndarray, prefer: tuple[int, ...]) -> Chart:
-    state = consistent_states(
-        atlas.functions, x, t, atlas.functions.outputs.system.u_defaults, p
-    )  # no inputs stand in the invariants
-    check_decided(atlas.functions.outputs.system, t, state, p)
+    system = atlas.functions.outputs.system
+    state = finite_states(atlas.functions.state_names, x) if system.scalar.of_inputs else consistent_states(atlas.functions, x, t, system.u_defaults, p)
+    check_decided(system, t, state, p)
     for begin in atlas.manifold.coordinates.units:
         state[begin : begin + 4] /= np.linalg.norm(state[begin : begin + 4])
     return choose_chart(atlas.manifold, t, state, p, prefer)

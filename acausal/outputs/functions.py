@@ -511,16 +511,16 @@ class Functions:
         return tuple(part for part, _ in found), self.output(pushes, name="contacts") if found else None
 
     @functools.cached_property
-    def followed(self) -> tuple[ca.Function | None, ca.Function | None, ca.Function | None]:
-        """(t, x, u, p) -> what is off of what inputs prescribe, the sums of their terms' sizes by states and inputs, then of all that is rounded in them
-        and in the coordinates that loops hold; the same of what loops hold of gears, and of gaps that inputs move. None where there is nothing of a kind.
+    def followed(self) -> tuple[ca.Function | None, ca.Function | None]:
+        """(t, x, u, p) -> what is off of what loops hold of gears, the sums of their terms' sizes by states and inputs, then of all that is rounded in them
+        and in the coordinates that loops hold; the same of gaps that inputs move. None where there is nothing of a kind.
         """
         s, none = self.outputs.system, ca.SX(0, 1)
         gaps = ca.vertcat(none, *(() if s.modes is None else s.modes.followed.values()))
         masks = ca.vertcat(none, *(mask.sx for mask in s.flat.modes))
         by_inputs = ca.substitute(s.u, masks, ca.SX.zeros(masks.numel())) if masks.numel() else s.u
-        prescribed, looped = s.scalar.prescribed, ca.vertcat(none, *(h.residual for h in s.scalar.looped))
-        return self._with_terms(prescribed, s.x, s.u), self._with_terms(looped, s.x, s.u), self._with_terms(gaps, none, by_inputs)
+        looped = ca.vertcat(none, *(h.residual for h in s.scalar.looped))
+        return self._with_terms(looped, s.x, s.u), self._with_terms(gaps, none, by_inputs)
 
     def _with_terms(self, rows: ca.SX, x: ca.SX, u: ca.SX) -> ca.Function | None:
         if not rows.numel():

@@ -203,7 +203,7 @@ class ReducedSystem:
     def velocity_closing(self) -> ca.SX:
         """All velocity constraints, redundant ones too, and those of scalar states."""
         return ca.vertcat(
-            ca.SX(0, 1), *(rows.velocity for rows in self.constraints.loops), self.scalar.velocity, self.scalar.given
+            ca.SX(0, 1), *(rows.velocity for rows in self.constraints.loops), self.scalar.velocity
         )
 
     @property
@@ -330,7 +330,7 @@ def reduce_system(
     system = ReducedSystem(
         flat, mechanics, constraints, time.sx, x, u, p, values,
         np.array([entry.default for entry in flat.inputs]), x_dot, v_dot, multipliers, scalar.tau if extra is None else scalar.tau + extra,
-        ca.vertcat(constraints.joint_invariants, constraints.position, scalar.known_position),
+        ca.vertcat(constraints.joint_invariants, constraints.position, scalar.position),
         ca.vertcat(constraints.velocity, scalar.velocity), _corrected(step, x, tree.q.numel(), scalar), forces.delassus, clearance, scalar, extra, exact=exact,
     )  # fmt: skip
     again = looped(system, system.closed_positions) if system.holding.again and not without else []
@@ -429,7 +429,7 @@ def _followed(tree: Tree) -> list[Held]:
     """What joints say of coordinates that are values and rates of inputs."""
     found: list[Held] = []
     for item in tree.joints:
-        for row in ca.vertsplit(item.edge.joint.followed(item.edge.joint.q.sx)):
+        for row in ca.vertsplit(item.edge.joint.followed(tree.q[item.q])):
             found.append(
                 Held(
                     row,
@@ -485,7 +485,7 @@ def _check_free(system: ReducedSystem) -> None:
     """Gears between joints may leave nothing free; a source may take the last freedom, since it moves."""
     scalar, constraints, tree = system.scalar, system.constraints, system.mechanics.tree
     held = system.holding.velocities
-    rows = ca.vertcat(scalar.velocity, scalar.given, constraints.velocity)
+    rows = ca.vertcat(scalar.velocity, constraints.velocity)
     at_rest = ca.substitute(rows, tree.v, ca.SX.zeros(tree.v.numel()))
     moved = ca.depends_on(ca.vertcat(scalar.position, rows), tree.t) or not at_rest.is_zero()
     if system.holding.again:
@@ -513,7 +513,8 @@ def _rates(tree: Tree, second: ca.SX, nv: int, n: int) -> ca.SX:
 
 def _corrected(step: ca.SX | None, x: ca.SX, nq: int, scalar: ScalarPart) -> ca.SX | None:
     """The projection onto loops and joints' invariants, `step` of (q, v), and onto those of scalar domains."""
-    if step is None and scalar.correction is None:
+    followed = ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.held if h.of_inputs and h.number < -1))
+    if step is None and scalar.correction is None and not followed.numel():
         return None
     n, nv = scalar.positions, x.numel() - nq - len(scalar.states)
     dq, dv, ds = scalar.correction or (ca.SX.zeros(nq), ca.SX.zeros(nv), ca.SX.zeros(len(scalar.states)))
@@ -521,7 +522,8 @@ def _corrected(step: ca.SX | None, x: ca.SX, nq: int, scalar: ScalarPart) -> ca.
     if step is not None:
         q, v = _split(step, nq)
     first, last = _split(ds, n)
-    return ca.vertcat(q + dq, s + first, v + dv, rest + last)
+    result = ca.vertcat(q + dq, s + first, v + dv, rest + last)
+    return ca.substitute(result, x, x - ca.jacobian(followed, x).T @ followed) if followed.numel() else result
 
 
 def _split(column: ca.SX, *sizes: int) -> list[ca.SX]:

@@ -213,7 +213,7 @@ def state_space(system: ReducedSystem) -> StateSpace:
         moving,
         system.p,
         system.p_values,
-        system.scalar.known_position,
+        system.scalar.position,
     )
     nq = system.nq
     gone = {*found.places, *(nq + j for j in found.rates)}

@@ -43,8 +43,7 @@ class Held:
     """One scalar equation, or a derivative of it, that is kept as an invariant: its `residual` in t, x and p, and what it is called.
 
     `depth`: 1 among velocities, 2 and more among positions. `number`: of the equation; its derivatives share it. `of_joints`: without
-    scalar states. `of_inputs`: with inputs, whose course is not known to a projection; only the rates of such a one are kept. `equation`: its place
-    among the scene's scalar equations.
+    scalar states. `of_inputs`: with inputs. `equation`: its place among the scene's scalar equations.
     """
 
     residual: ca.SX
@@ -114,30 +113,12 @@ class ScalarPart:
     @property
     def velocity(self) -> ca.SX:
         """All other invariants (n, 1)."""
-        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth == 1 and not h.of_inputs), self.residuals)
-
-    @property
-    def given(self) -> ca.SX:
-        """Speeds that inputs prescribe (n, 1), zero in a motion."""
-        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth == 1 and h.of_inputs))
-
-    @property
-    def prescribed(self) -> ca.SX:
-        """What inputs prescribe (n, 1): places and angles, and speeds that are no rates of these."""
-        places = [h for h in self.held if h.of_inputs and h.depth > 1]
-        numbers = {h.number for h in places}
-        speeds = [h for h in self.held if h.of_inputs and h.number not in numbers]
-        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in (*places, *speeds)))
+        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth == 1), self.residuals)
 
     @property
     def of_inputs(self) -> bool:
         """Whether inputs prescribe something."""
         return any(h.of_inputs for h in self.held)
-
-    @property
-    def known_position(self) -> ca.SX:
-        """Invariants of positions in which no input stands (n, 1)."""
-        return ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.held if h.depth > 1 and not h.of_inputs))
 
     @property
     def start(self) -> list[float]:
@@ -375,7 +356,7 @@ class _Coupling:
         of_v, of_states = self._pushed(second)
 
         def step(response: ca.SX, depth: int) -> ca.SX:
-            found = [(h.number, gap) for h, gap in zip(held, gaps, strict=True) if h.depth == depth and not h.of_inputs]
+            found = [(h.number, gap) for h, gap in zip(held, gaps, strict=True) if h.depth == depth]
             return -(response[:, [k for k, _ in found]] @ ca.vertcat(ca.SX(0, 1), *(gap for _, gap in found)))
 
         change_q = ca.jacobian(tree.rates, tree.v) @ step(of_v, 2)

@@ -24,6 +24,7 @@ from acausal.runtime.kernels import How
 from acausal.simulate.branches import check_branch
 from acausal.simulate.corners import warn_if_cornered
 from acausal.simulate.events import events_asked
+from acausal.simulate.given_rates import warn_of_unlike_rates
 from acausal.simulate.one_way import warn_if_led_away, warn_if_passed_back
 from acausal.simulate.passes import warn_if_missed
 from acausal.simulate.piece import Piece
@@ -164,6 +165,7 @@ def concluded(run: Trajectory, end: float, options: Options, jumps: bool = False
 def look_at(functions: Functions, run: Trajectory, accuracy: Accuracy, jumps: bool = False) -> None:
     """Warn of what makes a run that has ended doubtful. `jumps`: whether that has been said of given motions."""
     lost = [jumps, warn_if_singular(functions, run), warn_if_missed(functions, run), warn_of_unseen_inputs(functions, run)]
+    lost.append(warn_of_unlike_rates(functions, run))
     warn_of_events_without_value(functions, run)
     warn_if_pulled(functions, run)
     warn_if_not_followed(functions, run)

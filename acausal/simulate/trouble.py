@@ -182,22 +182,17 @@ def _at(functions: Functions, border: Border, t: float, x: np.ndarray, u: np.nda
 
 
 def warn_if_not_followed(functions: Functions, run: Trajectory) -> None:
-    """Say so when a joint or a contact did not keep to the speed that an input prescribes: it follows by the input's rate, which jumps are not in.
+    """Say so when a contact did not keep to the speed that an input prescribes: it follows by the input's rate, which jumps are not in.
 
     And when loops left what a gear says that they were to hold.
     """
-    prescribed, looped, closed = functions.followed
+    looped, closed = functions.followed
     scalar, modes = functions.outputs.system.scalar, functions.outputs.system.modes
-    late, off = (
-        _first_missed(functions, run, prescribed),
-        _first_missed(functions, run, closed if run.status.kind is StatusKind.SUCCESS else None),
-    )
-    if late or off:
-        names = compact((h.name for h in scalar.held if h.of_inputs) if late else modes.followed if modes else ())
-        late = late or off
-        assert late is not None
+    off = _first_missed(functions, run, closed if run.status.kind is StatusKind.SUCCESS else None)
+    if off:
+        assert modes is not None
         warnings.warn(
-            f"By t = {late[0]:.6g} s what an input prescribes is missed by {late[1]:.3g}: {names}. The motion follows the input's rate; a jump is not "
+            f"By t = {off[0]:.6g} s what an input prescribes is missed by {off[1]:.3g}: {compact(modes.followed)}. The motion follows the input's rate; a jump is not "
             "in it, and a rate of its own must belong to the value. Give a smooth course.",
             JumpWarning, stacklevel=callers_level(),
         )  # fmt: skip

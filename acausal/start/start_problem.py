@@ -239,14 +239,14 @@ def _closing(outputs: Outputs, held: tuple[int, ...]) -> tuple[Closing, Closing]
     )
     velocity = (
         *((words, rows.velocity.numel()) for words, rows in joints),
-        ("the equations of scalar parts", r.scalar.velocity.numel() + r.scalar.given.numel()),
+        ("the equations of scalar parts", r.scalar.velocity.numel()),
         *names,
     )
     none = ca.SX(0, 1)
     more = sum(count for _, count in names)
     known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.closing.numel() + more)
     known_rates = Drawn.joined(
-        [*(rows.drawn for rows in loops), Drawn.exact(r.scalar.velocity.numel() + r.scalar.given.numel() + more)]
+        [*(rows.drawn for rows in loops), Drawn.exact(r.scalar.velocity.numel() + more)]
     )
     return (
         Closing(ca.vertcat(r.closing, *places), position, ca.vertcat(none, *signs), tuple(meant), known),
