@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -27,6 +28,7 @@ from components import (
     TranslationalSpring,
     World,
 )
+from tests.exported import INPUT, OPEN_START, STATE, SUCCESS, Library
 
 SIZES = [1e-3, 1.0, 1e3]
 UP = (0.0, 0.0, -9.81)
@@ -175,34 +177,157 @@ def test_orientations_and_angular_velocities_by_inputs_agree() -> None:
     assert np.max(np.abs(by_angle[one.rod.frame.rotation] - by_rate[other.rod.frame.rotation])) < 1e-9
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("turned_round", [False, True])
-def test_a_carried_end_of_a_loop_meets_its_closed_form(size: float, turned_round: bool) -> None:
+def carried(size: float, turned_round: bool = False) -> Any:
+    """Two rods from the origin to what an input carries along x."""
     scene: Any = ac.System()
-    scene.x = ac.Input("m")
+    scene.x = ac.Input("m", default=1.2 * size)
     scene.world, scene.carried, scene.hinges = World(UP), PrescribedMotion((scene.x, 0, 0)), [Revolute("y") for _ in range(3)]
     scene.rods = [RigidBody.rod(1.0, (size, 0, 0)), RigidBody.rod(2.0, (0.5 * size, 0, 0))]
     a, b, c = scene.hinges
-    chain = [
-        scene.world.frame,
-        a.frame_a,
-        a.frame_b,
-        scene.rods[0].frame,
-        scene.rods[0].tip,
-        b.frame_a,
-        b.frame_b,
-        scene.rods[1].frame,
-    ]
-    chain += [scene.rods[1].tip, c.frame_a, c.frame_b, scene.carried.frame_b, scene.carried.frame_a, scene.world.frame]
+    chain = [scene.world.frame, a.frame_a, a.frame_b, scene.rods[0].frame, scene.rods[0].tip]
+    chain += [b.frame_a, b.frame_b, scene.rods[1].frame, scene.rods[1].tip]
+    chain += [c.frame_a, c.frame_b, scene.carried.frame_b, scene.carried.frame_a, scene.world.frame]
     pairs = list(zip(chain[::2], chain[1::2], strict=True))
     for one, other in reversed(pairs) if turned_round else pairs:
         scene.connect(one, other)
+    return scene
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("turned_round", [False, True])
+def test_a_carried_end_of_a_loop_meets_its_closed_form(size: float, turned_round: bool) -> None:
+    scene = carried(size, turned_round)
+    a = scene.hinges[0]
     run = ac.build(scene).simulate(
         2.0, {a.q: ac.near(-0.7)}, inputs={scene.x: lambda t: size * (1.2 + 0.2 * np.sin(3 * t))}, rtol=1e-11
     )
     s = 1.2 + 0.2 * np.sin(3 * run.t)
     assert np.max(np.abs(np.abs(run[a.q]) - np.arccos((s**2 + 1.0 - 0.5**2) / (2 * s)))) < 1e-10
     assert run.energy_error() < 1e-10
+
+
+MECHANISMS: dict[str, Callable[[float], Any]] = {
+    "hinge": lambda size: led(AngleSource, ac.Input("rad"))[0],
+    "slide": lambda size: led(PositionSource, ac.Input("m"))[0],
+    "four-bar": lambda size: four_bar(ac.Input("rad"), size),
+    "carried": carried,
+}
+"""Of a size, where they have one; the first input and its rates prescribe their motion."""
+
+
+def unit_of(kind: str, size: float) -> float:
+    """Of the place or angle that is prescribed."""
+    return 0.1 * size if kind == "carried" else 1.0
+
+
+def placed(kind: str, size: float, state: dict[str, float]) -> tuple[float, float, float, float]:
+    """What is prescribed, by the states: itself and its rate; how far the loop is open, and on which branch it is closed."""
+    if kind == "carried":
+        first, second = state["hinges[0].q"], state["hinges[0].q"] + state["hinges[1].q"]
+        x = size * (np.cos(first) + 0.5 * np.cos(second))
+        rates = state["hinges[0].v"], state["hinges[0].v"] + state["hinges[1].v"]
+        rate = -size * (np.sin(first) * rates[0] + 0.5 * np.sin(second) * rates[1])
+        return x, rate, size * (np.sin(first) + 0.5 * np.sin(second)), np.sign(np.sin(second - first))
+    if kind != "four-bar":
+        return state["joint.q"], state["joint.v"], 0.0, 1.0
+    ends = size * np.array([(0.3, 0.0), (0.8, 0.9), (0.1, -0.9)])
+    angles = state["hinges[0].q"], state["hinges[0].q"] + state["hinges[1].q"], -state["hinges[3].q"]
+    bars = [
+        np.array([np.cos(q) * end[0] + np.sin(q) * end[1], -np.sin(q) * end[0] + np.cos(q) * end[1]])
+        for q, end in zip(angles, ends, strict=True)
+    ]
+    gap = np.linalg.norm(np.sum(bars, axis=0) - [1.2 * size, 0])
+    return state["hinges[0].q"], state["hinges[0].v"], float(gap), np.sign(bars[1][0] * bars[2][1] - bars[1][1] * bars[2][0])
+
+
+@pytest.mark.parametrize("kind", MECHANISMS)
+@pytest.mark.parametrize("size", SIZES)
+def test_places_do_not_drift_however_coarse_the_steps_are(kind: str, size: float) -> None:
+    scene, unit = MECHANISMS[kind](size), unit_of(kind, size)
+    model = ac.build(scene)
+    (own,) = (entry for entry in (getattr(scene, name, None) for name in ("course", "drive", "x")) if entry is not None)
+    given = own.default + unit * np.sin(3 * ac.time) * (1 - np.exp(-ac.time))
+    run = model.simulate(100.0, inputs={own: given}, rtol=1e-3, samples=500)
+    wanted = own.default + unit * np.sin(3 * run.t) * (1 - np.exp(-run.t))
+    rate = unit * (3 * np.cos(3 * run.t) * (1 - np.exp(-run.t)) + np.sin(3 * run.t) * np.exp(-run.t))
+    x, v, gap, branch = (
+        np.array(part)
+        for part in zip(*(placed(kind, size, dict(zip(model.state_names, x, strict=True))) for x in run.x.T), strict=True)
+    )
+    assert np.max(np.abs(x - wanted)) < 1e-13 * (own.default + unit)
+    assert np.max(np.abs(v - rate)) < 1e-12 * unit and np.max(np.abs(gap)) < 1e-12 * size and np.ptp(branch) == 0
+
+
+@pytest.mark.parametrize("kind", MECHANISMS)
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_exported_motions_are_where_inputs_are_set_and_go_on_with_their_rates(kind: str, size: float, tmp_path: Path) -> None:
+    """By Taylor's polynomial between the times at which they are set; however far places jump, loops stay closed on their branch, or it is said that they cannot."""
+    scene, unit = MECHANISMS[kind](size), unit_of(kind, size)
+    model = ac.build(scene)
+    library = Library(model.export_simulator(tmp_path / "set", {scene.hinges[0].q: ac.near(-0.7)} if kind == "carried" else None))
+    instance, t, rng = library.instance(), 0.0, np.random.default_rng(0)
+    assert instance.started() == SUCCESS
+    branch = placed(kind, size, dict(zip(model.state_names, instance.x, strict=True)))[-1]
+    start = instance.get(INPUT, 0)
+    for k in range(6):
+        given = start + unit * rng.uniform(-1, 1) * (1 if k % 2 else 0.01), unit * rng.normal(), unit * rng.normal()
+        for i, value in enumerate(given):
+            assert instance.set(INPUT, i, value) == SUCCESS
+        for later in (0.0, 0.03, 0.1):
+            instance = instance.copied() if later else instance
+            assert instance.advance(t + later) == SUCCESS, instance.words()
+            x, v, gap, side = placed(kind, size, dict(zip(model.state_names, instance.x, strict=True)))
+            assert x == pytest.approx(given[0] + later * given[1] + later**2 / 2 * given[2], abs=1e-13 * (start + unit))
+            assert v == pytest.approx(given[1] + later * given[2], abs=1e-12 * unit)
+            assert abs(gap) < 1e-12 * size and side == branch
+            assert instance.get(INPUT, 0) == pytest.approx(x, abs=1e-13 * (start + unit))
+        t += 0.1
+    before = instance.x[0]
+    assert instance.set(STATE, 0, before + 0.1) == SUCCESS and instance.advance(t + 0.1) == OPEN_START
+    if kind == "carried":
+        assert instance.started() == SUCCESS and instance.set(INPUT, 0, 1.51 * size) == SUCCESS
+        assert instance.advance(0.1) == OPEN_START and "inputs that prescribe places" in instance.words()
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_what_hangs_from_a_place_that_jumps_turns_as_by_a_blow(size: float, tmp_path: Path) -> None:
+    """A rod's end that is moved in no time: the rod turns about its centre of percussion, two thirds down."""
+    scene: Any = ac.System()
+    scene.u = ac.Input("m")
+    scene.world, scene.slide, scene.cart, scene.hinge = (
+        World(UP),
+        Prismatic("x"),
+        RigidBody(1.0, np.zeros((3, 3)), (0, 0, 0)),
+        Revolute("y"),
+    )
+    scene.rod, scene.source = RigidBody.rod(2.0, (0, 0, -size)), PositionSource(scene.u)
+    scene.connect(scene.world.frame, scene.slide.frame_a)
+    scene.connect(scene.slide.frame_b, scene.cart.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.rod.frame)
+    scene.connect(scene.source.flange, scene.slide.flange)
+    model = ac.build(scene)
+    instance = Library(model.export_simulator(tmp_path / "set")).instance()
+    assert instance.started() == SUCCESS and instance.advance(0.5) == SUCCESS
+    assert instance.set(INPUT, 0, 1e-3 * size) == instance.set(INPUT, 1, 0.2 * size) == SUCCESS
+    found = dict(zip(model.state_names, instance.x, strict=True))
+    assert found["slide.q"] == pytest.approx(1e-3 * size, rel=1e-12) and found["slide.v"] == pytest.approx(0.2 * size, rel=1e-12)
+    assert found["hinge.q"] == pytest.approx(1.5e-3, rel=1e-5) and found["hinge.v"] == pytest.approx(0.3, rel=1e-5)
+
+
+@pytest.mark.parametrize("kind", MECHANISMS)
+def test_steps_lead_to_where_inputs_with_rates_go(kind: str) -> None:
+    scene, unit = MECHANISMS[kind](1.0), unit_of(kind, 1.0)
+    model = ac.build(scene)
+    x = model.initial_state({scene.hinges[0].q: ac.near(-0.7)} if kind == "carried" else {}).x
+    own = 1.2 if kind == "carried" else 0.0
+    step, h = model.step("gauss", 4, 0.05), 0.05
+    given = np.array([own, 0.3 * unit, -0.7 * unit])
+    for _ in range(3):
+        x, left = (np.array(part).ravel() for part in step(0, x, given, []))
+        given = given + h * np.array([given[1] + h / 2 * given[2], given[2], 0.0])
+        place, rate, gap, _ = placed(kind, 1.0, dict(zip(model.state_names, x, strict=True)))
+        assert left[0] < 1e-9 and abs(gap) < 1e-9
+        assert place == pytest.approx(given[0], abs=1e-9) and rate == pytest.approx(given[1], abs=1e-9)
 
 
 def test_samples_may_end_where_the_run_does_and_not_bend_within() -> None:

@@ -17,7 +17,7 @@ from acausal.emit.emit import Source, emit, translation_units
 from acausal.emit.program import NUMBER, program
 from acausal.export.start_functions import StartFunctions
 from acausal.integrators.radau import ADAPTIVE
-from acausal.language.expression import Expression
+from acausal.language.expression import Expression, InputRate
 from acausal.language.when import when
 from acausal.numerics.staged import plain
 from acausal.outputs.functions import Functions
@@ -107,6 +107,7 @@ def model_c(
         f"static const Clock clock_list[] = {array([f'{{{hex_of(v)}, {hex_of(s)}, {c}}}' for v, s, c in inputs.clocks] or ['{0}'])};",
         f"static const char *const switch_words[] = {array([*map(string, switching.words if switching else ()), '0'])};",
         f"static const char *const law_words[] = {array([*map(string, integrand.modes.all_words if integrand.modes else ()), '0'])};",
+        _longs("rates", _rates(f, inputs)),
         f"static const char given[] = {array([*(str(int(callable(c))) for c in inputs.courses), '0'])};",
         f"static const char depends[] = {array([str(int(d)) for d in start.depends] or ['0'])};",
     ]
@@ -126,7 +127,7 @@ def model_c(
         f".title = {string(title)}, .width = LANES, .constants = {start.assembly.numel_out(1)}",
         f".outputs = {_kernel(sources['outputs'])}",
         f".quantities = {array([_quantities(kind) for kind in kinds.values()])}",
-        f".depends = depends, .given = given, .switches = switch_words, .laws = law_words, .assembly = {_plain(start.assembly)}",
+        f".depends = depends, .given = given, .rate = rates, .switches = switch_words, .laws = law_words, .assembly = {_plain(start.assembly)}",
         *([] if start.gaps is None else [f".gaps = {_plain(start.gaps)}"]),
         *([] if start.holds is None else [f".holds = {_plain(start.holds)}"]),
         *([] if start.clear is None else [f".clear = {_plain(start.clear)}"]),
@@ -156,6 +157,13 @@ def methods_c() -> str:
         + f";\n/* of their dense output */\nstatic const Method gauss_refining[] = {rows(refined)};\n"
         + f"static const Method radau_methods[] = {rows(_RADAU)};\n"
     )
+
+
+def _rates(f: Functions, inputs: Inputs) -> list[int]:
+    """Of each input the place of its rate among them; -1 where there is none, and where it is a function of time."""
+    entries = f.outputs.system.flat.inputs
+    place = {entry.of: k for k, entry in enumerate(entries) if isinstance(entry, InputRate)}
+    return [-1 if callable(course) else place.get(entry, -1) for entry, course in zip(entries, inputs.courses, strict=True)]
 
 
 def array(entries: Sequence[str]) -> str:

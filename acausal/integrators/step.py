@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import casadi as ca
 import numpy as np
 
 from acausal.arguments import finite, shown, whole_number
 from acausal.collocation.tableau import gauss_legendre, radau_iia
 from acausal.errors import OptionError
+from acausal.language.expression import InputRate
 from acausal.numerics.staged import plain
 from acausal.outputs.functions import Functions
 
@@ -22,7 +26,10 @@ def step_of(functions: Functions, method: str, order: int, h: float | None) -> c
     the last of the inputs."""
     f = functions
     project = f.projection if f.modes is None else plain(f.modes.projection)
-    return step_function(f.explicit_dynamics, project, method=method, order=order, h=h, holds=f.holds, jump=_jump(f))
+    entries = f.outputs.system.flat.inputs
+    place = {entry.of: k for k, entry in enumerate(entries) if isinstance(entry, InputRate)}
+    rates = [place.get(entry, -1) for entry in entries]
+    return step_function(f.explicit_dynamics, project, method=method, order=order, h=h, holds=f.holds, jump=_jump(f), rates=rates)
 
 
 def _jump(f: Functions) -> ca.Function | None:
@@ -49,6 +56,17 @@ def _jump(f: Functions) -> ca.Function | None:
     return ca.Function("jump", [t, x, u, p], [after, ca.mmax(ca.fabs(off(after)) / much)])
 
 
+def _later(u: Any, h: Any, rates: Sequence[int]) -> Any:
+    """Inputs so much later; `rates`: the place of each one's rate among them, or -1."""
+    found = u
+    for k, rate in enumerate(rates):
+        if rate >= 0:
+            second = rates[rate]
+            found = type(u)(found)
+            found[k] = u[k] + h * (u[rate] + (h / 2 * u[second] if second >= 0 else 0))
+    return found
+
+
 def step_function(
     rhs: ca.Function,
     project: ca.Function | None = None,
@@ -58,6 +76,7 @@ def step_function(
     h: float | None = None,
     holds: ca.Function | None = None,
     jump: ca.Function | None = None,
+    rates: Sequence[int] = (),
 ) -> ca.Function:
     """(t, x, u, p, h) -> (x_next, residual), without the last argument for a fixed `h`: one step of Gauss (even order) or Radau IIA (odd order) collocation.
 
@@ -66,7 +85,7 @@ def step_function(
     `project`: (t, x, u, p) -> x nearer to the invariants, where there are any; x_next is brought onto them, as in `simulate`.
     `holds`: (t, x, u, p) -> margin; where it is negative at the beginning, the residual is infinite. `jump`: (t, x, u, p) -> (x as inputs make it at once,
     how far off that is, of its size), where they do; the residual is infinite where that is not found.
-    The inputs u are held over the step. Raises `OptionError` for an order that the method does not have.
+    The inputs u are held over the step, but for those that have rates among them, `rates`: the place of each one's, or -1; these go on with what is held of their rates. Raises `OptionError` for an order that the method does not have.
     """
     order = whole_number(order, "step: the order", 1, 99)
     if h is not None and not (h := finite(h, "step: h [s]")) > 0:
@@ -89,7 +108,9 @@ def step_function(
     residual: list[ca.SX] = []
     for i in range(s):
         state = x + width * (stages @ ca.DM(tableau.A[i]))
-        residual.append(stages[:, i] - rhs(t + float(tableau.c[i]) * width, state, u, p))
+        residual.append(
+            stages[:, i] - rhs(t + float(tableau.c[i]) * width, state, _later(u, float(tableau.c[i]) * width, rates), p)
+        )
     system = ca.Function("stages", [K, t, x, u, p, width], [ca.vertcat(*residual)], {"cse": True})
     options = {"abstol": 1e-13, "abstolStep": 1e-13, "max_iter": 30, "error_on_fail": False}
     solver = ca.rootfinder("solve", "fast_newton", system, options)
@@ -102,7 +123,7 @@ def step_function(
     after = begun + hm * (ca.reshape(found, nx, s) @ ca.DM(tableau.b))
     for _ in range(_PROJECTIONS if project is not None and nx else 0):
         assert project is not None
-        after = project(tm + hm, after, um, pm)
+        after = project(tm + hm, after, _later(um, hm, rates), pm)
     left = ca.mmax(ca.fabs(system(found, tm, begun, um, pm, hm))) if nx else ca.MX(0)
     nan_safe = ca.if_else(ca.sum1(found) == ca.sum1(found), left, np.inf) if nx else left
     nan_safe = nan_safe if jump is None else ca.if_else(missed <= _JUMPED, nan_safe, np.inf)

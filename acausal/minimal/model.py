@@ -291,7 +291,11 @@ def minimal_model(functions: Functions, at: Situation, prefer: Sequence[Variable
 
 def _chart(atlas: Atlas, t: float, x: Any, p: np.ndarray, prefer: tuple[int, ...]) -> Chart:
     system = atlas.functions.outputs.system
-    state = finite_states(atlas.functions.state_names, x) if system.scalar.of_inputs else consistent_states(atlas.functions, x, t, system.u_defaults, p)
+    state = (
+        finite_states(atlas.functions.state_names, x)
+        if system.scalar.of_inputs
+        else consistent_states(atlas.functions, x, t, system.u_defaults, p)
+    )
     check_decided(system, t, state, p)
     for begin in atlas.manifold.coordinates.units:
         state[begin : begin + 4] /= np.linalg.norm(state[begin : begin + 4])

@@ -202,9 +202,7 @@ class ReducedSystem:
     @property
     def velocity_closing(self) -> ca.SX:
         """All velocity constraints, redundant ones too, and those of scalar states."""
-        return ca.vertcat(
-            ca.SX(0, 1), *(rows.velocity for rows in self.constraints.loops), self.scalar.velocity
-        )
+        return ca.vertcat(ca.SX(0, 1), *(rows.velocity for rows in self.constraints.loops), self.scalar.velocity)
 
     @property
     def degrees_of_freedom(self) -> int:

@@ -113,9 +113,9 @@ void moved_integration(Integrator *I, const char *block) {
     }
 }
 
-/* What nonlinear equations give by other states, where inputs have jumped, from T->led_from. 0 when the input function failed. */
+/* What nonlinear equations give by other states, and places that inputs prescribe, where inputs have jumped, from T->led_from. 0 when the input function failed. */
 static int jumps_with_inputs(Integrator *I) {
-    return !may_jump(I) || (jump_along(I, 0, NULL) && (!I->directions || directions_jump(I, 0, NULL)));
+    return !(may_jump(I) || I->led == LED_PLACES) || (jump_along(I, 0, NULL) && (!I->directions || directions_jump(I, 0, NULL)));
 }
 
 /* To the far side of the next knot, where the last step is told to have ended: what the rates were before says nothing of what they are now. */

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -107,8 +108,22 @@ class Integrand:
         if self.invariants_and_projection is None:
             return False
         symbols = symbols_of(self.invariants_and_projection[0])
-        own = symbols[2][: symbols[2].numel() - self.masks]
-        return any(ca.depends_on(called(f, symbols)[0][0], own) for f in self.invariants_and_projection)
+        return any(ca.depends_on(called(f, symbols)[0][0], self._own(symbols)) for f in self.invariants_and_projection)
+
+    @functools.cached_property
+    def led_places(self) -> bool:
+        """Whether they stand in invariants of positions: what inputs prescribe of places."""
+        if self.invariants_and_projection is None:
+            return False
+        symbols = symbols_of(self.invariants_and_projection[0])
+        rows, others = called(self.invariants_and_projection[0], symbols)[0][0], symbols[1][self.positions :]
+        return any(
+            ca.depends_on(row, self._own(symbols)) and not ca.depends_on(row, others) for row in ca.vertsplit(ca.densify(rows))
+        )
+
+    def _own(self, symbols: Sequence[ca.SX]) -> ca.SX:
+        """Inputs other than masks."""
+        return symbols[2][: symbols[2].numel() - self.masks]
 
     @functools.cached_property
     def copies(self) -> tuple[tuple[int, ...], tuple[int, ...]]:
@@ -123,7 +138,7 @@ class Integrand:
         return {
             "nx": nx, "nu": nu, "np": np,
             "ng": self.invariants_and_projection[0].size1_out(0) if self.invariants_and_projection is not None else 0,
-            "led": int(self.led), "followers": len(self.followers), "copies": len(self.copies[0]), "positions": self.positions,
+            "led": 2 if self.led and self.led_places else int(self.led), "followers": len(self.followers), "copies": len(self.copies[0]), "positions": self.positions,
             "operations": operations_of(self.function),
             "promised": int(self.unheld_exact is not None),
             "through": 0 if self.unheld_exact is None else self.unheld_exact.through.value,

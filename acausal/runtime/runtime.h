@@ -87,9 +87,10 @@ struct Programs;
 
 /* One integration. The caller fills the first part; `begin` makes the rest. Newton WHERE_SLOW: the first method is Gauss's, and others, if any, are
    Radau's by order, for where the motion is stiff; `operations` of the rates at one point tell what is cheaper. */
+#define LED_PLACES 2
 typedef struct Integrator {
     long nx, nu, np, ng, led, methods, method, newton, adapt_order, max_steps, copies, guards, positions, operations;
-    /* led: whether inputs other than masks stand in the invariants */
+    /* led: whether inputs other than masks stand in the invariants; LED_PLACES: in those of positions, too */
     long through; /* whether motions lead straight through singular positions, where exact kernels are given: see Through */
     Kernel rhs;         /* t, x, u, p -> x' */
     Kernel jvp;         /* t, x, u, p, dx, dp -> dx' */

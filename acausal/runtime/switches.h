@@ -323,6 +323,13 @@ static double seen_later(Integrator *I, double latest, const double *rates, doub
     return later;
 }
 
+/* Whether states x at time t need no correction. */
+static int is_kept(Integrator *I, double t, const double *x) {
+    double part, left;
+    correction_at(I, t, x, I->state->increment, &part, &left);
+    return part <= KEPT;
+}
+
 /* Corrections of x at time t, shortened until less is left of the equations, or at least of the correction (Deuflhard, Newton Methods for Nonlinear Problems, 3.3). 1 where they come to
    an end; 2 where x has been there. */
 static int corrected_in_parts(Integrator *I, double t, double *x) {
@@ -384,8 +391,8 @@ static int jump_along(Integrator *I, double latest, const double *rates) {
     double *x = T->before, later = seen_later(I, latest, rates, x);
     if (!isfinite(later)) return isnan(later);
     if (!give_to_projection(I, I->t + later, T->side)) return 0;
-    int found = corrected_in_parts(I, I->t + later, x);
-    if (!found && I->led && !rates) {
+    int led = rates ? 0 : (int)I->led, found = led != LED_PLACES || is_kept(I, I->t, x) ? corrected_in_parts(I, I->t + later, x) : 0; /* Newton's iteration may find another branch */
+    if (!found && led) {
         memcpy(x, I->x, sizeof(double) * (size_t)I->nx);
         found = led_along(I, I->t, x);
     }

@@ -23,6 +23,7 @@ typedef struct {
     long width;                     /* LANES of model.c */
     Quantities quantities[SIMULATOR_EVENT + 1];
     const char *given;              /* which inputs are tables or formulas */
+    const long *rate;               /* of each input: the one that is its rate; -1 where there is none, or it is given */
     const char *const *switches;    /* what switches, in words */
     const char *const *laws;        /* parts that open, stick or slide: one-sided laws, then friction */
     long constants;                 /* parameters that follow from the start; they come last */

@@ -16,9 +16,10 @@
 #define ALIGNED 64
 #define COUNT(array) (long)(sizeof(array) / sizeof *(array))
 #define KINDS (SIMULATOR_EVENT + 1)
+#define TERMS 3 /* an input, its rate, and the rate of that */
 
 enum Stage { NEW, STARTED, FAILED };
-enum Renewal { NOTHING_NEW, NEW_INPUTS, NEW_VALUES };
+enum Renewal { NOTHING_NEW, NEW_INPUTS, NEW_PARAMETERS, NEW_STATES };
 
 struct simulator_instance {
     Integrator I; /* the motion, as far as steps have been taken; its pointers lead into the same block */
@@ -35,6 +36,8 @@ struct simulator_instance {
     double *values[KINDS]; /* the present ones of each kind; masks behind inputs */
     double *x, *met, *data; /* where the piece began, then the end of the last step; sizes that states have had; for the assembly */
     double *before;         /* inputs before some were set */
+    Table *tables;          /* the model's, then of inputs that have been set and go on with their rates */
+    double *course, since;  /* coefficients of these: TERMS of each; when they were set */
     double *looks;          /* states at LOOKS times of a step */
     V *in, *out, *c, *w;    /* of outputs, and of inputs that are formulas */
     const double **arguments;
@@ -160,6 +163,8 @@ static size_t arrange(simulator_instance *s, char *block, const Integrator *I) {
     s->met = take(block, &used, sizeof(double) * (size_t)I->nx);
     s->before = take(block, &used, sizeof(double) * (size_t)(I->led ? count_of(SIMULATOR_INPUT) : 0));
     s->data = take(block, &used, sizeof(double) * (size_t)data);
+    s->tables = take(block, &used, sizeof(Table) * (size_t)(model.motion.tables + count_of(SIMULATOR_INPUT)));
+    s->course = take(block, &used, sizeof(double) * (size_t)(TERMS * count_of(SIMULATOR_INPUT)));
     s->looks = take(block, &used, sizeof(double) * (size_t)(model.clear.run ? LOOKS * I->nx : 0));
     s->in = take(block, &used, sizeof(V) * (size_t)larger(o->inputs, f->inputs));
     s->out = take(block, &used, sizeof(V) * (size_t)larger(o->outputs, f->outputs));
@@ -175,7 +180,31 @@ static size_t arrange(simulator_instance *s, char *block, const Integrator *I) {
     s->I.u = s->values[SIMULATOR_INPUT];
     s->I.before = I->led ? s->before : 0;
     s->I.parameters = s->values[SIMULATOR_PARAMETER];
+    for (long k = model.motion.tables; block && k < I->tables; k++) {
+        s->tables[k].begins = &s->since;
+        s->tables[k].coefficients = s->course + TERMS * (k - model.motion.tables);
+    }
+    if (block && I->tables > model.motion.tables) s->I.table_list = s->tables;
     return used;
+}
+
+/* Inputs that are no functions of time go on from the present time with the rates that were set. */
+static void extend_inputs(simulator_instance *s) {
+    Integrator *I = &s->I;
+    const double *u = s->values[SIMULATOR_INPUT];
+    s->since = s->present;
+    for (long i = 0; i < count_of(SIMULATOR_INPUT) && !I->input; i++) {
+        const long rate = model.rate[i], second = rate < 0 ? -1 : model.rate[rate];
+        if (rate < 0 || (u[rate] == 0 && (second < 0 || u[second] == 0))) continue;
+        double *c = s->course + TERMS * (I->tables - model.motion.tables);
+        c[0] = second < 0 ? 0 : u[second] / 2;
+        c[1] = u[rate];
+        c[2] = u[i];
+        s->tables[I->tables++] = (Table){i, 1, TERMS, 0, 0, &s->since, c};
+    }
+    if (I->tables == model.motion.tables) return;
+    if (model.motion.tables) memcpy(s->tables, model.motion.table_list, sizeof(Table) * (size_t)model.motion.tables);
+    I->table_list = s->tables;
 }
 
 size_t simulator_size(const simulator_options *options) {
@@ -376,17 +405,18 @@ static int changeable(const simulator_instance *s, simulator_kind kind) {
 }
 
 static int renewed_by(simulator_instance *s, simulator_kind kind) {
-    if (kind == SIMULATOR_STATE || kind == SIMULATOR_PARAMETER) s->renewed = NEW_VALUES;
-    else if (kind == SIMULATOR_INPUT && s->renewed == NOTHING_NEW) s->renewed = NEW_INPUTS;
+    enum Renewal by = kind == SIMULATOR_STATE ? NEW_STATES : kind == SIMULATOR_PARAMETER ? NEW_PARAMETERS : kind == SIMULATOR_INPUT ? NEW_INPUTS : NOTHING_NEW;
+    if (by > s->renewed) s->renewed = by;
     return SIMULATOR_SUCCESS;
 }
 
 static int present_inputs(simulator_instance *s);
 
-/* Before they are set: states follow them until then. */
+/* Before something is set: inputs go on, and states follow them, until then. */
 static void remember_inputs(simulator_instance *s, simulator_kind kind) {
-    if (kind != SIMULATOR_INPUT || !s->I.led || s->renewed == NEW_INPUTS || !present_inputs(s)) return;
-    memcpy(s->before, s->values[SIMULATOR_INPUT], sizeof(double) * (size_t)count_of(SIMULATOR_INPUT));
+    const int follow = kind == SIMULATOR_INPUT && s->I.led;
+    if (s->renewed == NEW_INPUTS || !(follow || s->I.tables > model.motion.tables) || !present_inputs(s)) return;
+    if (follow) memcpy(s->before, s->values[SIMULATOR_INPUT], sizeof(double) * (size_t)count_of(SIMULATOR_INPUT));
 }
 
 int simulator_set(simulator_instance *s, simulator_kind kind, long i, double value) {
@@ -419,7 +449,8 @@ static int present_inputs(simulator_instance *s) {
     const double *known = I->masks && s->stage != NEW ? masks_at(I, s->present) : 0;
     for (long k = 0; k < I->masks; k++) masks[k] = known ? known[k] : 0;
     if (I->input) return I->input(I->user, s->present, u);
-    for (long k = 0; k < I->tables; k++) u[I->table_list[k].input] = table_value(&I->table_list[k], s->present);
+    const long known_tables = s->stage != NEW && s->renewed == NOTHING_NEW ? I->tables : model.motion.tables; /* what has been set is as it has been set */
+    for (long k = 0; k < known_tables; k++) u[I->table_list[k].input] = table_value(&I->table_list[k], s->present);
     if (I->formulas) run_at(s, &I->formula, (const double *const[]){&s->present}, (const long[]){1}, 1);
     for (long k = 0; k < I->formulas; k++) u[I->formula_input[k]] = s->out[k][0];
     return 1;
@@ -550,6 +581,7 @@ static int begin_piece(simulator_instance *s, double h, const double *met) {
     memcpy(s->x, s->values[SIMULATOR_STATE], sizeof(double) * (size_t)I->nx);
     I->max_steps = s->options.max_steps - s->report.steps;
     I->t = I->end = s->present;
+    extend_inputs(s);
     I->h = h;
     I->method = h > 0 ? old.method : I->method;
     if (!begin(I)) return failed(s, SIMULATOR_OUT_OF_MEMORY, 0);
@@ -586,7 +618,10 @@ int simulator_start(simulator_instance *s, double t) { return start_from(s, t, 0
 
 int simulator_start_at(simulator_instance *s, double t, const double *states) { return start_from(s, t, states); }
 
-int simulator_renew(simulator_instance *s) { return renewed_by(s, SIMULATOR_INPUT); }
+int simulator_renew(simulator_instance *s) {
+    remember_inputs(s, SIMULATOR_INPUT);
+    return renewed_by(s, SIMULATOR_INPUT);
+}
 
 /* Whether what has been set on the way is a state of the model; if not, the motion ends. */
 static int still_fits(simulator_instance *s) {
@@ -595,11 +630,20 @@ static int still_fits(simulator_instance *s) {
     return failed(s, status, status == SIMULATOR_NON_FINITE ? "The values that were set are not finite." : 0);
 }
 
+/* The same of places, where inputs that prescribe some have jumped. */
+static int still_closed(simulator_instance *s) {
+    const double *const arguments[] = {&s->present, s->values[SIMULATOR_STATE], s->values[SIMULATOR_INPUT], s->values[SIMULATOR_PARAMETER]};
+    double gaps[3] = {0, 0, 0};
+    if (model.gaps.run) run_plain(s, &model.gaps, arguments, 4, (double *const[]){gaps}, 1);
+    return gaps[0] <= CLOSED ? SIMULATOR_SUCCESS : failed(s, SIMULATOR_OPEN_START, "No position of the mechanism was found at which inputs that prescribe places are what was set.");
+}
+
 /* Goes on at the present time with what has been set. */
 static int renew(simulator_instance *s) {
     if (!present_inputs(s)) return failed(s, SIMULATOR_FAILED_INPUT, 0);
-    const int anew = s->renewed == NEW_VALUES;
-    if (anew && !s->I.led && still_fits(s) != SIMULATOR_SUCCESS) return (int)s->report.status;
+    const int anew = s->renewed > NEW_INPUTS, follow = s->I.led && (s->renewed != NEW_STATES || s->I.followers); /* states do, before others are looked at */
+    if (anew && !follow && still_fits(s) != SIMULATOR_SUCCESS) return (int)s->report.status;
+    if (s->renewed == NEW_STATES && follow && still_closed(s) != SIMULATOR_SUCCESS) return (int)s->report.status;
     simulator_report r = simulator_summary(s);
     s->report.steps = r.steps;
     s->report.rejected = r.rejected;
@@ -610,9 +654,9 @@ static int renew(simulator_instance *s) {
     s->change = simulator_change(s);
     memcpy(s->met, s->I.size, sizeof(double) * (size_t)s->I.nx);
     const int begun = begin_piece(s, s->I.h, s->met);
-    if (begun != SIMULATOR_SUCCESS || !(anew && s->I.led)) return begun;
-    if (arrive(s, s->present) != SIMULATOR_SUCCESS) return (int)s->report.status; /* states follow inputs before others are looked at */
-    return still_fits(s);
+    if (begun != SIMULATOR_SUCCESS || !s->I.led) return begun;
+    if (arrive(s, s->present) != SIMULATOR_SUCCESS) return (int)s->report.status;
+    return anew ? still_fits(s) : still_closed(s);
 }
 
 /* The motion */

@@ -35,7 +35,8 @@
 /* What an instance has: numbers of some kind, counted from 0. */
 typedef enum {
     SIMULATOR_STATE,     /* positions and velocities at the present time */
-    SIMULATOR_INPUT,     /* at the present time; set, where options.input is 0, and it is no table or formula of time: constant from then on */
+    SIMULATOR_INPUT,     /* at the present time; set, where options.input is 0, and it is no table or formula of time: constant from then on, or with the
+                            constant rates that are set for it: der(angle), der(der(angle)) of one that prescribes an angle */
     SIMULATOR_PARAMETER, /* set: from then on. The last ones may be constants of integration, which `simulator_start` sets */
     SIMULATOR_CONDITION, /* start values that were named when the model was exported; `simulator_start` meets them */
     SIMULATOR_OUTPUT,    /* expressions that were named when the model was exported, at the present time; cannot be set */
@@ -162,7 +163,8 @@ SIMULATOR_API void simulator_free(simulator_instance *s);
 
 /* Sets number i, e.g. simulator_set(s, SIMULATOR_PARAMETER, simulator_index(SIMULATOR_PARAMETER, "mass"), 2.0), or all of a kind, in order.
    Before the start: what it starts with. Later: a new piece of the motion begins at the present time with the next call that moves it,
-   which checks that loops are closed with the new values. SIMULATOR_BAD_ARGUMENT where there is no such number, or it is an input that is a table or a
+   which checks that loops are closed with the new values. What inputs prescribe goes along at once: places are led to where they are set, loops closed on the way
+   (SIMULATOR_OPEN_START where they cannot be), speeds jump as by a blow; who sets states has to set those that inputs prescribe, too. SIMULATOR_BAD_ARGUMENT where there is no such number, or it is an input that is a table or a
    formula of time, which stays that when all are set. */
 SIMULATOR_API int simulator_set(simulator_instance *s, simulator_kind kind, long i, double value);
 SIMULATOR_API int simulator_set_all(simulator_instance *s, simulator_kind kind, const double *values);

@@ -1,7 +1,7 @@
 /* The Functional Mock-up Interface 2.0 for co-simulation (fmi-standard.org) around instances of simulator.h.
 
    Value references count the variables of modelDescription.xml: states, inputs, parameters, conditions, outputs, in this order. Inputs are constant from one
-   communication point to the next; steps in between are as long as accuracy allows. Events that stop the motion end it: fmi2DoStep discards the rest of its step.
+   communication point to the next, or have the constant rates that are inputs, too; steps in between are as long as accuracy allows. Events that stop the motion end it: fmi2DoStep discards the rest of its step.
 
    What this interface can have and this unit has not (other types, derivatives of inputs, directional derivatives, serialisation) gives fmi2Error, as
    modelDescription.xml says. */
