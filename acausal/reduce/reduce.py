@@ -427,7 +427,7 @@ def _followed(tree: Tree) -> list[Held]:
     """What joints say of coordinates that are values and rates of inputs."""
     found: list[Held] = []
     for item in tree.joints:
-        for row in ca.vertsplit(item.edge.joint.followed(tree.q[item.q])):
+        for row in ca.vertsplit(item.edge.joint.followed(item.edge.joint.q.sx)):
             found.append(
                 Held(
                     row,

@@ -308,10 +308,14 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
     return found;
 }
 
+static enum Code failed_at(Integrator *I, enum Code code);
+
 /* Advance with compensated summation, project onto the invariants, keep the polynomial. */
 static enum Code accept_step(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long n = I->nx, width = S->blocks * LANES;
+    double begin = I->t;
+    memcpy(T->aside, I->x, sizeof(double) * (size_t)n);
     if (I->directions) advance_directions(I, S, h);
     for (long i = 0; i < n; i++) {
         double increment = T->increment[i] + T->carry[i], x = I->x[i] + increment;
@@ -321,7 +325,13 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
     double t = I->t + h;
     I->t = fabs(I->end - t) <= 4 * EPS * fabs(I->end) ? I->end : t;
     memcpy(T->factor, I->x, sizeof(double) * (size_t)n);
-    if (project(I, I->t, I->x)) {
+    int projected = project(I, I->t, I->x);
+    if (I->led == LED_PLACES && T->open > TORN) {
+        I->t = begin;
+        memcpy(I->x, T->aside, sizeof(double) * (size_t)n);
+        return failed_at(I, STEP_UNDERFLOW);
+    }
+    if (projected) {
         memset(T->carry, 0, sizeof(double) * (size_t)n);
         for (long i = 0; i < n; i++) /* the rates at the end of the step are then not those at the start of the next */
             if (fabs(I->x[i] - T->factor[i]) > 0.01 * T->scale[i]) T->start_known = 0;

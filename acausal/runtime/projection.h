@@ -8,11 +8,14 @@ static int give_to_projection(Integrator *I, double t, const double *masks) {
     return led_by(I, v_all(t), 1, u);
 }
 
+#define TORN 1e-6 /* of the largest states so far: corrections that do not shrink below, where inputs lead apart what is to be closed */
+
 /* Corrects x until the corrections, in units of the largest states so far, stop shrinking; ten times at most. Returns whether x was
    changed. */
 static int project(Integrator *I, double t, double *x) {
-    if (!I->ng || is_crossing(I, t, x) || is_still(I)) return 0;
     struct State *T = I->state;
+    T->open = 0;
+    if (!I->ng || is_crossing(I, t, x) || is_still(I)) return 0;
     int exact = has_exact(I) && !I->masks && clearance_at(I, t, x) < EXACT;
     V *in = T->projection_in, *out = T->projection_out;
     double last = INFINITY;
@@ -28,8 +31,12 @@ static int project(Integrator *I, double t, double *x) {
             double here = fabs(out[i][0] - x[i]), size = fmax(T->size[i], fabs(x[i]));
             if (here > 0 && !(here <= largest * size)) largest = here / size;
         }
-        if (!(largest < INFINITY) || largest <= 2 * EPS) break;
+        if (!(largest < INFINITY) || largest <= 2 * EPS) {
+            T->open = largest < INFINITY ? 0 : INFINITY;
+            break;
+        }
         /* moving positions may open the velocity rows at first; the second correction closes them */
+        T->open = largest;
         if (k > 1 && !(largest < 0.5 * last)) break;
         for (long i = 0; i < I->nx; i++) x[i] = out[i][0];
         changed = 1;
