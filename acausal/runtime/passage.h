@@ -28,6 +28,7 @@
 #define TOUCHING 0.3 /* distance up to which it tells how branches meet */
 #define BENT 0.02 /* part of distances that are the square of a way, which they may differ from this */
 #define CLOSER 8 /* times as close, the next distance that rates may be continued from */
+#define LONGER_WAY 1.5 /* times the time of a stage from which its rates would be continued, that of another one which is asked, too */
 #define ROUNDING 100 /* times as large, what is left of rounding errors across the branch */
 
 /* How motions go that come near one: all past it, some straight through, or all. */
@@ -332,6 +333,12 @@ static double beside_branches(const Integrator *I, const Stages *S) {
     return fmax(1, I->rtol / (BRANCHES * sqrt(fmax(least, 0)) + EPS));
 }
 
+/* The part of that of a stage, whose rates are exact. */
+static double part_from(Integrator *I, const Stages *S, long j) {
+    double tau = S->tau[j];
+    return tau > 0 ? continued_from(I, S->in[j / LANES], S->N[j / LANES], j % LANES, tau, S->clear[j]) / tau : 0;
+}
+
 /* Which stages are next to a singular position, and whether some are around one. */
 static void find_zone(Integrator *I, Stages *S, Judge *J) {
     int around = 0, exact = has_exact(I);
@@ -352,8 +359,11 @@ static void find_zone(Integrator *I, Stages *S, Judge *J) {
         for (long j = 0; j < S->s; j++) S->tau[j] = 2 * sqrt(S->clear[j]) < AHEAD * part ? S->tau[j] * part : 0;
         I->state->part = part;
     } else if (exact) { /* one decision for all stages: what they differ by is no motion */
-        double tau = S->tau[nearest], part = 0;
-        if (tau > 0) part = continued_from(I, S->in[nearest / LANES], S->N[nearest / LANES], nearest % LANES, tau, S->clear[nearest]) / tau;
+        long farthest = nearest; /* where the motion leads along singular positions, it is long until it has left them, and far */
+        for (long j = 0; j < S->s; j++)
+            if (S->tau[j] > LONGER_WAY * S->tau[farthest]) farthest = j;
+        double part = part_from(I, S, nearest);
+        if (part > 0 && farthest != nearest) part = fmin(part, part_from(I, S, farthest));
         for (long j = 0; j < S->s; j++) S->tau[j] = 2 * sqrt(S->clear[j]) < AHEAD * part ? S->tau[j] * part : 0;
         I->state->part = part;
         around = part == 1;
