@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import itertools
 import warnings
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -12,8 +13,9 @@ import pytest
 import acausal as ac
 from acausal.errors import AssemblyError, JumpWarning, LockedError, OptionError, StartValueError
 from acausal.loops.self_stress import loop_reactions
+from acausal.numerics.independent import Independent
 from acausal.numerics.rivals import Candidate
-from components import AngleSource, CartesianTranslation, Fixed, Particle, Revolute, RigidBody, Rod, World
+from components import AngleSource, CartesianTranslation, Fixed, Gear, Particle, Revolute, RigidBody, Rod, World
 from tests.scenes import DoublePendulum, Pendulum, bennett_linkage
 from tests.similar import Units, four_bar_scene
 from tests.test_scale_decisions import drawn_flat
@@ -231,3 +233,80 @@ def test_configurations_are_the_same_to_four_digits(off: float, same: bool):
     """Searches end near one another, branches lie apart: only those are compared by which is nearer."""
     one, other = (Candidate(np.zeros(3), 0.0, np.array([0.3, x, -0.2])) for x in (0.1, 0.1 + off))
     assert one.is_as(other) == other.is_as(one) == same
+
+
+def four_bar_that_folds(ground: float, size: float) -> Any:
+    """Where the ground is 0.9 of its size: crank and coupler are then as long as ground and rocker. The rocker's hinge may be askew."""
+    scene: Any = ac.System()
+    scene.ground, scene.tilt = ac.Parameter(ground * size, "m"), ac.Parameter(0.0)
+    scene.world, scene.hinges = World(), [Revolute("y"), Revolute("y"), Revolute("y"), Revolute((0, 1, scene.tilt))]
+    scene.bars = [RigidBody.rod(1.0, (length * size, 0, 0)) for length in (0.4, 1.0, 0.5)]
+    one, two, three = scene.bars
+    held = [
+        (scene.world.frame, one.frame),
+        (one.tip, two.frame),
+        (two.tip, three.tip),
+        (scene.world.at((scene.ground, 0, 0)), three.frame),
+    ]
+    for hinge, (a, b) in zip(scene.hinges, held, strict=True):
+        scene.connect(a, hinge.frame_a)
+        scene.connect(hinge.frame_b, b)
+    return scene
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_what_is_said_to_hold_at_other_lengths_would_be_decided_alike_there(size: float):
+    """Nearer to where it folds less may change; folding itself is never taken for granted."""
+    for ground in (0.95, 0.903, 0.9001):
+        constraints = ac.build(four_bar_that_folds(ground, size)).system.constraints
+        held = [
+            part
+            for part in (1e-9, 1e-7, 1e-5, 1e-3, 0.1, 0.5, 1.0)
+            if constraints.hold(np.array([(ground + part * (0.9 - ground)) * size, 0.0]))
+        ]
+        assert held and 1.0 not in held, ground
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_steps_are_told_where_rows_do_not_follow_from_others_any_more(size: float):
+    """Hinges that are askew by a seven-thousandth lock a four-bar: it is one step's business, too, where nothing examines loops."""
+    scene = four_bar_that_folds(1.0, size)
+    model = ac.build(scene)
+    x, step = model.initial_state({scene.hinges[0].q: 1.0, scene.hinges[3].q: ac.near(1.2)}).x, model.step("gauss", 4, 0.01)
+    for tilt, met in ((0.0, True), (1.5e-4, False), (1e-2, False)):
+        assert np.isfinite(float(step(0, x, [], [size, tilt])[1])) == met
+
+
+def test_steps_are_told_where_gears_contradict_each_other():
+    scene: Any = ac.System()
+    scene.world, scene.a, scene.b = World(), Revolute("y"), Revolute("y")
+    scene.one, scene.two = RigidBody.rod(1.0, (0, 0, -1.0)), RigidBody.rod(1.0, (0, 0, -0.7))
+    scene.ratios = [ac.Parameter(2.0), ac.Parameter(2.0)]
+    scene.gears = [Gear(ratio) for ratio in scene.ratios]
+    scene.connect(scene.world.frame, scene.a.frame_a, scene.b.frame_a)
+    scene.connect(scene.a.frame_b, scene.one.frame)
+    scene.connect(scene.b.frame_b, scene.two.frame)
+    scene.connect(scene.a.flange, *(gear.flange_a for gear in scene.gears))
+    scene.connect(scene.b.flange, *(gear.flange_b for gear in scene.gears))
+    model = ac.build(scene)
+    x, step = model.initial_state({scene.a.q: 0.3, scene.a.v: 0.4}).x, model.step("gauss", 4, 0.01)
+    for ratio in (2.0, -3.0, 1e-5, 1e6):
+        for off, met in ((0.0, True), (3e-8, False), (1e-3, False)):
+            assert np.isfinite(float(step(0, x, [], [ratio, ratio * (1 + off)])[1])) == met, (ratio, off)
+
+
+@pytest.mark.parametrize("dependent", [1e-6, 1e-8])
+def test_rows_are_left_to_singular_values_unless_these_would_say_the_same(dependent: float):
+    """60 rows, and five that nearly follow from them."""
+    rng = np.random.default_rng(1)
+
+    def rows(count: int, of: np.ndarray) -> np.ndarray:
+        found = rng.normal(size=(count, len(of))) @ of
+        return found / np.linalg.norm(found, axis=1)[:, None]
+
+    plain = rows(60, np.eye(80))
+    for off in (1e-4, 1e-2, 1.0, 3.0, 10.0, 30.0):
+        J = np.vstack([plain, rows(5, plain) + off * dependent * rows(5, np.eye(80))])
+        found = Independent.of(J, dependent)
+        assert (found is not None) == (off < 0.1)
+        assert found is None or found.rows.size == np.sum(np.linalg.svd(J, compute_uv=False) > dependent) == 60

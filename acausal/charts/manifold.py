@@ -20,7 +20,6 @@ from acausal.parts.unit_quaternions import unit_quaternions
 _POINTS = 8
 _SAME = 1e-11
 """Where it is looked whether a direction is invariant, and by how much the terms of a sum may differ from zero."""
-_VANISHED = 1e-12
 
 
 @dataclass(frozen=True)
@@ -159,10 +158,8 @@ class Manifold:
 
 
 def _greatest(samples: list[np.ndarray]) -> np.ndarray:
-    """Greatest lengths of rows; where all vanish that of the longest row."""
-    size = np.nanmax([np.linalg.norm(J, axis=1) for J in samples], axis=0)
-    most = float(np.max(size, initial=0.0))
-    return np.where(size > _VANISHED * most, size, most or 1.0)
+    """Greatest lengths of rows, none of which is rounding wherever it was looked."""
+    return np.nanmax([np.linalg.norm(J, axis=1) for J in samples], axis=0)
 
 
 def manifold(functions: Functions, units: np.ndarray) -> Manifold:

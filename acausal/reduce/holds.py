@@ -16,6 +16,7 @@ from acausal.dynamics.formulas import pivots, solve_positive
 from acausal.loops.examined import Examined
 from acausal.loops.gaps import gap_margins
 from acausal.loops.walk import Walk
+from acausal.numerics.sizes import Drawn
 from acausal.numerics.terms import rounded
 from acausal.numerics.thresholds import SINGULAR
 from acausal.reduce.state_space import StateSpace
@@ -76,14 +77,24 @@ def clearance(space: StateSpace) -> ca.SX | None:
 def _kept_rows(part: Examined) -> tuple[ca.SX, ca.SX, ca.SX]:
     """The rows A of a group, each of its usual length, those that are kept, K, and K K'."""
     assert part.walk is not None
-    lengths = part.walk.sizes_of_velocities[1]
-    usual = np.max(lengths * part.scale, where=np.isfinite(lengths), initial=0.0)
-    lengths = np.where(np.isfinite(lengths), lengths * part.scale, usual)  # rows of rounding errors may be more with other values
+    lengths = _usual_lengths(part, part.walk.sizes_of_velocities[1] * part.scale)
     speeds, grown = _growth(part, part.walk, lengths)
     A = ca.jacobian(part.group.velocity, part.group.v)
     A = ca.sparsify(ca.diag(1 / (ca.DM(lengths) * grown)) @ A @ ca.diag(speeds))
     K = A[list(part.rank.kept), :]
     return A, K, ca.densify(K @ K.T)
+
+
+def _usual_lengths(part: Examined, found: np.ndarray) -> np.ndarray:
+    """Of the rows (m,), where those of rounding errors, which may be more with other values, are infinite: these are as long as others of their kind, or, where
+    there are none, as what they are made of; turns have no unit, whatever that of lengths is.
+    """
+    known, drawn, lengths = np.isfinite(found), Drawn.joined([rows.drawn for rows in part.group.loops]), found.copy()
+    for kind in (drawn.shifts, drawn.turns, np.ones(found.size, dtype=bool)):
+        most = float(np.max(found, where=kind & known, initial=0.0))
+        open_still = kind & ~np.isfinite(lengths)
+        lengths[open_still] = most if most > 0 else np.where(drawn.sizes > 0, drawn.sizes, np.inf)[open_still]
+    return np.where(np.isfinite(lengths), lengths, 0.0)
 
 
 def _growth(part: Examined, walk: Walk, lengths: np.ndarray) -> tuple[ca.SX, ca.SX]:
