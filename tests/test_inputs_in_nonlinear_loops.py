@@ -26,6 +26,7 @@ from components import (
     Diode,
     ForceSource,
     Ground,
+    Inertia,
     Resistor,
     Revolute,
     RigidBody,
@@ -346,6 +347,38 @@ def test_a_motor_behind_a_diode_drives_a_loop(flat: bool, size: float) -> None:
                 (begin, end), x, "Radau", rtol=1e-10, atol=1e-12,
             ).y[:, -1]  # fmt: skip
         assert [run[scene.hinges[0].q][-1], w[-1]] == pytest.approx(x, abs=1e-8)
+
+
+@pytest.mark.parametrize("volt", [5.0, 20.0, 200.0, 2000.0])
+@pytest.mark.parametrize("form", ["number", "parameter", "input", "capacitor"])
+def test_a_motor_behind_a_diode_begins_at_rest_however_high_the_voltage_is(form: str, volt: float) -> None:
+    """Of a diode that would begin with all of it, exponentials are 1e170 and more."""
+    scene: Any = ac.System()
+    given = {"number": volt, "parameter": ac.Parameter(volt, "V"), "input": ac.Input("V", default=volt)}
+    scene.volt = given.get(form, 0.0)
+    scene.source = Capacitor(1.0) if form == "capacitor" else VoltageSource(scene.volt)
+    scene.motor, scene.diode, scene.rotor, scene.ground = DCMotor(1.0, 2.0), Diode(1e-9, 0.05), Inertia(0.1), Ground()
+    scene.connect(scene.motor.flange, scene.rotor.flange_a)
+    scene.connect(scene.source.pin_a, scene.diode.pin_a)
+    scene.connect(scene.diode.pin_b, scene.motor.pin_a)
+    scene.connect(scene.motor.pin_b, scene.source.pin_b, scene.ground.pin)
+    start = {scene.source.v: volt} if form == "capacitor" else {}
+    run = ac.build(scene).simulate(0.5, start, rtol=1e-10)
+    drop = brentq(lambda v: 2e-9 * np.expm1(v / 0.05) + v - volt, 0.0, 1.6, xtol=1e-15, rtol=1e-14)
+    assert run[scene.diode.v][0] == pytest.approx(drop, rel=1e-12) and run[scene.rotor.phi][0] == run[scene.rotor.w][0] == 0.0
+    assert run.energy_error() < 1e-8
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("flat", [False, True])
+def test_a_constant_voltage_drives_a_loop_as_an_input_of_the_same_does(flat: bool, size: float) -> None:
+    ends: list[np.ndarray] = []
+    for volt in (20.0, ac.Input("V", default=20.0)):
+        scene, model = driven_loop(volt, size, flat)
+        run = model.simulate(0.4, rtol=1e-10)
+        assert run.energy_error() < 1e-9
+        ends.append(np.array([run[scene.hinges[0].q][-1], run[scene.hinges[0].v][-1], run[scene.diode.v][-1]]))
+    assert ends[0] == pytest.approx(ends[1], abs=1e-8)
 
 
 @pytest.mark.parametrize("flat", [False, True])

@@ -155,8 +155,12 @@ class _Elimination:
             return None
         if count > 2 or equation.open or (count == 2 and equation.combined):
             return None
-        # without a division where that is possible
-        levels = sorted(equation.coefficients.items(), key=lambda item: (item[0][1], abs(item[1]) != 1.0, self._size(item[0][0])))
+        # without a division where that is possible; where a number is between, what nonlinear equations are written in is kept: with it they begin at zero
+        curved = self._curved() if equation.constant and count == 2 else set[int]()
+        levels = sorted(
+            equation.coefficients.items(),
+            key=lambda item: (item[0][1], abs(item[1]) != 1.0, item[0][0] in curved, self._size(item[0][0])),
+        )
         if levels[0][0][0] in self.chains.outer:
             levels.reverse()
         (root, order), a = levels[0]
@@ -169,6 +173,11 @@ class _Elimination:
             other, b = levels[1]
             self.chains.merge(root, other, -b / a, -equation.constant / a)
         return root
+
+    def _curved(self) -> set[int]:
+        """Roots of what stands in equations that are not linear."""
+        members = [self.chains.members.get(key) for key in symbols_in(self.general.values())]
+        return {self.chains.level(member.base, member.order).root for member in members if member is not None}
 
     def _size(self, root: int) -> int:
         return len(self.occurrences.get(root, ()))
