@@ -48,6 +48,13 @@ def test_crossings_of_a_height_in_both_directions(compiled):
     assert all(abs(e.x[2] - 2) < 1e-12 for e in run.events)
 
 
+@pytest.mark.parametrize("off", [2e-11, 1e-9, 1e-6])
+def test_what_is_crossed_right_after_the_start_is_no_rounding(off: float):
+    """A value that begins below zero by more than what the first step's values are rounded to."""
+    run = thrown(1.0, lambda s: [ac.when(s.height - 0.3 - off, "rising")], compiled=True, end=0.01, height=0.3)
+    assert [e.time for e in run.events] == pytest.approx([off], rel=1e-4)
+
+
 @BOTH
 def test_many_crossings_in_one_step_are_all_found(compiled):
     """The motion is a parabola, so steps are long; the guard swings sixteen times in each second."""
