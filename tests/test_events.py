@@ -51,7 +51,7 @@ def test_crossings_of_a_height_in_both_directions(compiled):
 @pytest.mark.parametrize("off", [2e-11, 1e-9, 1e-6])
 def test_what_is_crossed_right_after_the_start_is_no_rounding(off: float):
     """A value that begins below zero by more than what the first step's values are rounded to."""
-    run = thrown(1.0, lambda s: [ac.when(s.height - 0.3 - off, "rising")], compiled=True, end=0.01, height=0.3)
+    run = thrown(10.0, lambda s: [ac.when(s.height - 0.3 - 10 * off, "rising")], compiled=True, end=1.0, height=0.3)
     assert [e.time for e in run.events] == pytest.approx([off], rel=1e-4)
 
 
