@@ -45,7 +45,7 @@ def test_a_pushed_box_tips_when_its_load_leaves_its_feet_and_no_foot_opens_befor
 ) -> None:
     """F H = m g a about the first edge that is reached; single feet of least norm are at their limits long before."""
     scene, start = pushed(order, 0.9, direction, size)
-    run = ac.build(scene).simulate(1.4, start, rtol=1e-11)
+    run = ac.build(scene).simulate(1.4, start, rtol=1e-12)
     tips = 2 * G / (10 * 0.3) * min(0.2 / direction[0], 0.15 / direction[1] if direction[1] else np.inf)
     assert [t.time for t in run.transitions if t.changes] == pytest.approx([tips], rel=1e-11)
     before = run.at([0.999 * tips])
