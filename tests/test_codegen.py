@@ -24,8 +24,9 @@ from numpy.typing import NDArray
 from scipy.special import erfinv
 
 import acausal as ac
-from acausal.emit import compiler, library
+from acausal.emit import compiler, instructions, library
 from acausal.emit.emit import Source, emit, translation_units
+from acausal.emit.statements import BINARY, UNARY
 from acausal.errors import ExportError, NoCompilerWarning, NoRuntimeError
 from acausal.integrators import automatic
 from acausal.outputs import functions as lower
@@ -252,6 +253,27 @@ def test_mx_functions_are_expanded(command: Command) -> None:
     f = ca.Function("f", [A, x], results)
     points = np.random.default_rng(2).normal(size=(9, 8))
     assert np.max(np.abs(_load([emit(f, "f")], 8, command)("f", points) - _machine(f, points))) < 1e-14
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_instructions_are_read_all_at_once_as_one_by_one(seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of functions with several arguments and results, numbers of all kinds and operations drawn at random."""
+    rng = np.random.default_rng(seed)
+    arguments = [ca.SX.sym("x", int(size)) for size in rng.integers(1, 5, 3)]
+    values = [*ca.vertsplit(ca.vertcat(*arguments)), ca.SX(0.0), ca.SX(-0.0), ca.SX(1e-310), ca.SX(np.inf), ca.SX(np.pi)]
+    for code in rng.permutation([*UNARY, *BINARY, *BINARY, ca.OP_CONSTPOW]).tolist():
+        one, other = (values[int(k)] for k in rng.integers(len(values), size=2))
+        values.append(
+            one**3.5 if code == ca.OP_CONSTPOW else ca.SX.unary(code, one) if code in UNARY else ca.SX.binary(code, one, other)
+        )
+    function = ca.Function("drawn", arguments, [ca.vertcat(*values[:9]), values[-1], ca.vertcat(*values[9:-1])])
+    expected = instructions.one_by_one(function)
+    monkeypatch.setattr(instructions, "one_by_one", None)
+    found = instructions.instructions(function)
+    assert found[0] == expected[0]
+    numbers = [k for k, row in enumerate(found[0]) if row[0] == ca.OP_CONST]
+    assert [found[1][k].hex() for k in numbers] == [function.instruction_constant(k).hex() for k in numbers]
+    assert len(numbers) > 3
 
 
 def test_equal_values_are_computed_once() -> None:
@@ -567,7 +589,7 @@ def test_a_library_is_compiled_once(cache: Path, runs: list[Sequence[str]]) -> N
 
 FOUR_BAR = """
 import acausal as ac
-from acausal.emit import compiler
+
 from acausal.runtime.kernels import Compilation, Wanted
 from tests.scenes import FourBar
 f = ac.build(FourBar()).functions

@@ -8,10 +8,10 @@ import threading
 import casadi as ca
 import pytest
 
-from acausal.emit.program import program
 from acausal.numerics import one_thread
 from acausal.numerics.one_thread import on_one_thread
 from acausal.numerics.uncollected import uncollected
+from acausal.runtime.program import program
 
 
 @pytest.fixture(autouse=True)

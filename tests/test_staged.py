@@ -61,6 +61,32 @@ def test_programs_and_kernels_solve_with_the_same_bits_what_symbols_solve(n: int
     assert np.max(np.abs(plain - found[0])) < 1e-9 * np.max(np.abs(plain))
 
 
+@pytest.mark.parametrize(("n", "prepared"), [(4, 0), (4, 1), (5, 2), (8, 1)])
+def test_systems_of_parameters_alone_and_of_answers_as_they_stand(n: int, prepared: int, library: Runtime) -> None:
+    """Three of them in a row, each one's right side being the answers of that before; the first ones need nothing but parameters. By numpy."""
+    t, x, p = ca.SX.sym("t"), ca.SX.sym("x", n), ca.SX.sym("p", n)
+    systems, X, results = Systems(), ca.sin(p), list[ca.SX]()
+    for k in range(3):
+        y = p if k < prepared else x
+        systems, X = systems.with_one(ca.SX.ones(n), (k + 3) * ca.SX.eye(n) + y @ y.T, X)
+        results.append(X)
+    turns = [ca.sin(p[0]) * x[0], ca.cos(p[0]) - x[0]]
+    function = Staged.of("row", [t, x, p], [ca.vertcat(*results, *turns)], systems)
+    assert isinstance(function, Staged)
+    points, expected = np.random.default_rng(n).normal(size=(1 + 2 * n, 16)), []
+    points[-n:] = points[-n:, :1]
+    for point in points.T:
+        right, found = np.sin(point[-n:]), list[float]()
+        for k in range(3):
+            y = point[-n:] if k < prepared else point[1 : n + 1]
+            right = np.linalg.solve((k + 3) * np.eye(n) + np.outer(y, y), right)
+            found += right.tolist()
+        expected.append([*found, np.sin(point[-n]) * point[1], np.cos(point[-n]) - point[1]])
+    for how in (How.INTERPRETED, How.COMPILED) if n == 5 else (How.INTERPRETED,):
+        way = Kernels((Wanted("row", function, (2,)),), library, how)
+        assert np.max(np.abs(kernel_values(way.current[0], points, library) - np.array(expected).T)) < 1e-14
+
+
 def test_what_is_composed_needs_only_the_systems_of_its_results() -> None:
     """Of two functions."""
     one, other = staged(5, 1, False, 1), staged(5, 1, False, 2)

@@ -17,7 +17,7 @@ from acausal.emit.statements import ANSWER, LEAVES, SYSTEM, Statements, statemen
 from acausal.numerics import staged
 
 EMITTER = (
-    *(Path(__file__).with_name(f"{name}.py") for name in ("emit", "statements", "program", "program_source")),
+    *(Path(__file__).with_name(f"{name}.py") for name in ("emit", "instructions", "statements", "program", "program_source")),
     Path(staged.__file__),
 )
 """The files that make C: whoever keeps it depends on their content."""
@@ -115,13 +115,13 @@ def _body(
     name: str, found: Statements, order: Sequence[int], slots: dict[int, int], results: Sequence[tuple[int, int]], chunk: int
 ) -> tuple[list[str], int]:
     """C of one function, in pieces of which the last one calls the others, and the size of its work array. `slots`: values found in c."""
-    values = found.values
-    inside = [i for i in order if values[i].code not in LEAVES]
+    codes, args, places = found.values.codes, found.values.args, found.values.places
+    inside = [i for i in order if codes[i] not in LEAVES]
     chunks = [inside[k : k + chunk] for k in range(0, len(inside), chunk)] or [[]]
     home = {i: k for k, part in enumerate(chunks) for i in part}
     last: dict[int, int] = {}
     for i in inside:
-        for a in values[i].args:
+        for a in args[i]:
             if a in home:
                 last[a] = home[i]
     writes: list[list[tuple[int, int]]] = [[] for _ in chunks]
@@ -130,9 +130,9 @@ def _body(
     work, size = _work_slots(chunks, home, last)
     rooms: dict[int, int] = {}
     for i in inside:
-        if values[i].code == SYSTEM:
+        if codes[i] == SYSTEM:
             rooms[i] = size
-            size += found.systems[values[i].place].room
+            size += found.systems[places[i]].room
     pieces: list[str] = []
     for k, part in enumerate(chunks):
         title = f"HIDDEN void {name}_{k}{ARGUMENTS}" if len(chunks) > 1 else f"EXPORT void {name}{ARGUMENTS}"
@@ -175,18 +175,18 @@ def _lines(
     writes: list[tuple[int, int]],
 ) -> list[str]:
     values = found.values
+    codes, args, numbers, places = values.codes, values.args, values.numbers, values.places
     lines: list[str] = []
     loaded: dict[int, str] = {}
 
     def name_of(i: int) -> str:
         known = loaded.get(i)
         if known is None:
-            value = values[i]
-            if value.code == ca.OP_CONST:
-                return literal(value.number)
+            if codes[i] == ca.OP_CONST:
+                return literal(numbers[i])
             known = f"x{i}"
-            if value.code == ca.OP_INPUT:
-                lines.append(f"const V {known} = in[{value.place}];\n")
+            if codes[i] == ca.OP_INPUT:
+                lines.append(f"const V {known} = in[{places[i]}];\n")
             elif i in slots:
                 lines.append(f"const V {known} = c[{slots[i]}];\n")
             else:
@@ -197,29 +197,29 @@ def _lines(
     turns = found.pairs(part)
     for i in part:
         if i not in loaded:
-            value = values[i]
-            if value.code == SYSTEM:
-                shape, room = found.systems[value.place], rooms[i]
-                lines += [f"w[{room + k}] = {name_of(a)};\n" for k, a in enumerate(value.args)]
+            code = codes[i]
+            if code == SYSTEM:
+                shape, room = found.systems[places[i]], rooms[i]
+                lines += [f"w[{room + k}] = {name_of(a)};\n" for k, a in enumerate(args[i])]
                 lines.append(f"solve_system(w + {room}, {shape.rows}, {shape.columns}, {int(shape.damped)});\n")
                 loaded[i] = ""
                 continue
-            if value.code == ANSWER:
-                system = value.args[0]
-                place = rooms[system] + found.systems[values[system].place].operands + value.place
+            if code == ANSWER:
+                system = args[i][0]
+                place = rooms[system] + found.systems[places[system]].operands + places[i]
                 lines.append(f"const V x{i} = w[{place}];\n")
                 loaded[i] = f"x{i}"
                 if last.get(i, -1) > here:
                     lines.append(f"w[{work[i]}] = x{i};\n")
                 continue
-            arguments = [name_of(a) for a in value.args]
-            pair = turns.get(value.args[0]) if value.code in (ca.OP_SIN, ca.OP_COS) else None
+            arguments = [name_of(a) for a in args[i]]
+            pair = turns.get(args[i][0]) if code in (ca.OP_SIN, ca.OP_COS) else None
             if pair is not None:
                 sine, cosine = pair
                 lines.append(f"V x{sine}, x{cosine}; v_sincos({arguments[0]}, &x{sine}, &x{cosine});\n")
                 loaded[sine], loaded[cosine] = f"x{sine}", f"x{cosine}"
             else:
-                lines.append(f"const V x{i} = {(UNARY.get(value.code) or BINARY[value.code]).format(*arguments)};\n")
+                lines.append(f"const V x{i} = {(UNARY.get(code) or BINARY[code]).format(*arguments)};\n")
                 loaded[i] = f"x{i}"
         if last.get(i, -1) > here:
             lines.append(f"w[{work[i]}] = x{i};\n")

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from bisect import bisect_right
+from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from itertools import accumulate
 
 import casadi as ca
-import numpy as np
 
+from acausal.emit.instructions import instructions
 from acausal.errors import ExportError
 from acausal.numerics.staged import Function, LinearSystem, systems_of
 from acausal.numerics.uncollected import uncollected
@@ -27,23 +29,21 @@ BINARY = tuple(
         "COPYSIGN", "ATAN2", "HYPOT",
     )
 )  # fmt: skip
+_UNARY, _BINARY = frozenset(UNARY), frozenset(BINARY)
 LEAVES = (ca.OP_INPUT, ca.OP_CONST)
 _COPY = (ca.OP_ASSIGN, ca.OP_LIFT)
 SYSTEM, ANSWER = -1, -2
-"""No operations of CasADi: a system of linear equations, whose operands are `args` and whose number is `place`; and its answer at `place`, of args[0]."""
+"""No operations of CasADi: a system of linear equations, whose operands are its arguments and whose number is its place; and its answer at a place, of its argument."""
 
 
-class Value(NamedTuple):
-    """How a value is made from others (operation `code`, `args`), or a constant `number`, or the input at `place`."""
+@dataclass(frozen=True)
+class Values:
+    """How each value is made from others: operation and arguments; a constant's number; the place of an input. Columns, since there are tens of thousands."""
 
-    code: int
-    args: tuple[int, ...] = ()
-    number: float = 0.0
-    place: int = 0
-
-
-_new: Callable[[type[Value], tuple[Any, ...]], Value] = tuple.__new__
-"""A value of all it has, four times as quickly as by its names: there are tens of thousands."""
+    codes: list[int]
+    args: list[tuple[int, ...]]
+    numbers: dict[int, float]
+    places: dict[int, int]
 
 
 @dataclass(frozen=True)
@@ -54,21 +54,21 @@ class Statements:
     are needed and depend on seldom changing inputs only, or on others too; `kept`: those among the rare that the others or the results need.
     """
 
-    values: tuple[Value, ...]
-    results: tuple[tuple[int, int], ...]
+    values: Values
+    results: list[tuple[int, int]]
     """(output, value)"""
-    rare: tuple[int, ...]
-    often: tuple[int, ...]
-    kept: tuple[int, ...]
+    rare: list[int]
+    often: list[int]
+    kept: list[int]
     inputs: int
     outputs: int
     systems: tuple[LinearSystem, ...] = ()
 
     def pairs(self, part: list[int]) -> dict[int, tuple[int, int]]:
         """argument -> (its sine, its cosine), of those that are both made in a part of the statements."""
-        values = self.values
-        sines = {values[i].args[0]: i for i in part if values[i].code == ca.OP_SIN}
-        cosines = {values[i].args[0]: i for i in part if values[i].code == ca.OP_COS}
+        codes, args = self.values.codes, self.values.args
+        sines = {args[i][0]: i for i in part if codes[i] == ca.OP_SIN}
+        cosines = {args[i][0]: i for i in part if codes[i] == ca.OP_COS}
         return {a: (sines[a], cosines[a]) for a in sines if a in cosines}
 
 
@@ -86,116 +86,122 @@ def statements(function: Function, name: str, parameters: tuple[int, ...] = ()) 
             raise ExportError(
                 f"'{name}' cannot be written as C: it does not expand to SX ({str(error).splitlines()[-1]})."
             ) from error
-    first = [sum(function.nnz_in(k) for k in range(i)) for i in range(function.n_in() + 1)]
+    first = list(accumulate((function.nnz_in(k) for k in range(function.n_in())), initial=0))
     seldom = {place for i in parameters for place in range(first[i], first[i + 1])}
-    found = _Collected()
-    results = _read(function, name, first, found)
-    values = tuple(found.values)
+    values, results = _read(function, name, first)
     given, outputs = function.n_in() - len(systems), sum(function.nnz_out(i) for i in range(function.n_out() - len(systems)))
     if systems:
         values, results = _with_systems(values, results, systems, first[given], outputs)
     needed, fixed = _needed(values, results), _fixed(values, seldom)
-    wanted = {a for i, v in enumerate(values) if needed[i] and not fixed[i] for a in v.args} | {v for _, v in results}
-    kept = tuple(sorted(i for i in wanted if fixed[i] and values[i].code not in LEAVES))
-    rare, often = (tuple(i for i in range(len(values)) if needed[i] and fixed[i] is kind) for kind in (True, False))
-    return Statements(values, tuple(results), rare, often, kept, first[given], outputs, systems)
+    rare, often = ([i for i, one in enumerate(zip(needed, fixed, strict=True)) if one == (1, kind)] for kind in (1, 0))
+    wanted = {v for _, v in results}.union(*[values.args[i] for i in often])
+    kept = sorted(i for i in wanted.intersection(rare) if values.codes[i] not in LEAVES)
+    return Statements(values, results, rare, often, kept, first[given], outputs, systems)
 
 
 def _with_systems(
-    values: tuple[Value, ...], results: list[tuple[int, int]], systems: Sequence[LinearSystem], inputs: int, outputs: int
-) -> tuple[tuple[Value, ...], list[tuple[int, int]]]:
+    values: Values, results: list[tuple[int, int]], systems: Sequence[LinearSystem], inputs: int, outputs: int
+) -> tuple[Values, list[tuple[int, int]]]:
     """Values and results of which the inputs from `inputs` on have become answers, and the results from `outputs` on operands: what needs a system stands behind it."""
-    begins = inputs + np.cumsum([0, *(system.answers for system in systems)])
-    stage: list[int] = []  # number of the first system that is needed, counted from behind: 0 for none
-    for code, args, _, place in values:
-        own = int(np.searchsorted(begins, place, side="right")) if code == ca.OP_INPUT and place >= inputs else 0
+    begins = list(accumulate((system.answers for system in systems), initial=inputs))
+    stage = [0] * len(values.codes)  # number of the first system that is needed, counted from behind: 0 for none
+    for i, place in values.places.items():
+        if place >= inputs:
+            stage[i] = bisect_right(begins, place)
+    for i, args in enumerate(values.args):
         for a in args:
-            if stage[a] > own:
-                own = stage[a]
-        stage.append(own)
+            if stage[a] > stage[i]:
+                stage[i] = stage[a]
     staged: list[list[int]] = [[] for _ in range(len(systems) + 1)]
     for i, k in enumerate(stage):
         staged[k].append(i)
-    found: list[Value] = []
-    new = [0] * len(values)
+    codes, args = list[int](), list[tuple[int, ...]]()
+    numbers, places = dict[int, float](), dict[int, int]()
+    new = [0] * len(values.codes)
     of_result = dict(results)
     at, system = outputs, -1
     for k, members in enumerate(staged):
         for i in members:
-            code, args, number, place = values[i]
-            new[i] = len(found)
-            if code == ca.OP_INPUT and k:
-                found.append(Value(ANSWER, (system,), 0.0, place - int(begins[k - 1])))
-            else:
-                found.append(_new(Value, (code, tuple([new[a] for a in args]), number, place)))
+            code, new[i] = values.codes[i], len(codes)
+            if code == ca.OP_INPUT:
+                places[len(codes)] = values.places[i] - (begins[k - 1] if k else 0)
+            elif code == ca.OP_CONST:
+                numbers[len(codes)] = values.numbers[i]
+            answer = code == ca.OP_INPUT and k
+            codes.append(ANSWER if answer else code)
+            args.append((system,) if answer else tuple([new[a] for a in values.args[i]]))
         if k < len(systems):
-            system = len(found)
-            found.append(Value(SYSTEM, tuple(new[of_result[at + j]] for j in range(systems[k].operands)), 0.0, k))
+            system = len(codes)
+            places[system] = k
+            codes.append(SYSTEM)
+            args.append(tuple([new[of_result[at + j]] for j in range(systems[k].operands)]))
             at += systems[k].operands
-    return tuple(found), [(place, new[v]) for place, v in results if place < outputs]
+    return Values(codes, args, numbers, places), [(place, new[v]) for place, v in results if place < outputs]
 
 
-class _Collected:
-    """Values made so far, equal ones once."""
+def _read(function: ca.Function, name: str, first: list[int]) -> tuple[Values, list[tuple[int, int]]]:
+    """All values in order, equal ones once, and (output, value)."""
+    places_out = list(accumulate((function.nnz_out(k) for k in range(function.n_out())), initial=0))
+    results: list[tuple[int, int]] = []
+    codes, args = list[int](), list[tuple[int, ...]]()
+    numbers, places = dict[int, float](), dict[int, int]()
+    known: dict[int, dict[tuple[int, ...] | str, int]] = defaultdict(dict)
+    now = [0] * function.sz_w()
 
-    def __init__(self) -> None:
-        self.values: list[Value] = []
-        self._known: dict[tuple[int, ...] | str, int] = {}
-
-    def add(self, code: int, *args: int) -> int:
-        return self._once((code, *args), code, args)
-
-    def number(self, number: float) -> int:
-        return self._once(number.hex(), ca.OP_CONST, (), number)  # 0 and -0 are equal, but not the same
-
-    def input(self, place: int) -> int:
-        return self._once((ca.OP_INPUT, place), ca.OP_INPUT, (), 0.0, place)
-
-    def _once(self, key: tuple[int, ...] | str, code: int, args: tuple[int, ...], number: float = 0.0, place: int = 0) -> int:
-        at = self._known.setdefault(key, len(self.values))
-        if at == len(self.values):
-            self.values.append(_new(Value, (code, args, number, place)))
+    def once(code: int, of: tuple[int, ...] | str) -> int:
+        """The value that is made so; of leaves `of` tells them apart."""
+        at = known[code].setdefault(of, len(codes))
+        if at == len(codes):
+            codes.append(code)
+            args.append(() if code in LEAVES or isinstance(of, str) else of)
         return at
 
-    def power(self, base: int, exponent: int) -> int:
+    def constant(number: float) -> int:
+        at = once(ca.OP_CONST, number.hex())  # 0 and -0 are equal, but not the same
+        numbers[at] = number
+        return at
+
+    def power(base: int, exponent: int) -> int:
         """x^n; for small integers and halves by products and roots. NaN for halves of x = -inf."""
-        n = self.values[exponent].number
-        if self.values[exponent].code != ca.OP_CONST or not 0 < abs(n) <= 8 or (2 * n) % 1:
-            return self.add(ca.OP_POW, base, exponent)
+        n = numbers.get(exponent, 0.0)
+        if not 0 < abs(n) <= 8 or (2 * n) % 1:
+            return once(ca.OP_POW, (base, exponent))
         if abs(n) % 1:
-            base = self.add(ca.OP_ADD, base, self.number(0.0))  # powers of -0 are those of 0
-        factors = [self.add(ca.OP_SQRT, base)] if abs(n) % 1 else []
+            base = once(ca.OP_ADD, (base, constant(0.0)))  # powers of -0 are those of 0
+        factors = [once(ca.OP_SQRT, (base,))] if abs(n) % 1 else []
         factors += [base] * int(abs(n))
         product = factors[0]
         for factor in factors[1:]:
-            product = self.add(ca.OP_SQ, product) if factor == product else self.add(ca.OP_MUL, product, factor)
-        return product if n > 0 else self.add(ca.OP_INV, product)
+            product = once(ca.OP_SQ, (product,)) if factor == product else once(ca.OP_MUL, (product, factor))
+        return product if n > 0 else once(ca.OP_INV, (product,))
 
-
-def _read(function: ca.Function, name: str, first: list[int], found: _Collected) -> list[tuple[int, int]]:
-    """Collects all values in order; returns (output, value)."""
-    places_out = [sum(function.nnz_out(k) for k in range(i)) for i in range(function.n_out())]
-    results: list[tuple[int, int]] = []
-    now: dict[int, int] = {}  # work vector position -> value
-    known, add = {*UNARY, *BINARY}, found.add
-    code_of, input_of, output_of = function.instruction_id, function.instruction_input, function.instruction_output
-    for k in range(function.n_instructions()):
-        code, of, to = code_of(k), input_of(k), output_of(k)
-        if code in known:
-            now[to[0]] = add(code, *[now[i] for i in of])
-        elif code == ca.OP_OUTPUT:
-            results.append((places_out[to[0]] + to[1], now[of[0]]))
-        elif code == ca.OP_INPUT:
-            now[to[0]] = found.input(first[of[0]] + of[1])
-        elif code == ca.OP_CONST:
-            now[to[0]] = found.number(function.instruction_constant(k))
-        elif code in _COPY:
-            now[to[0]] = now[of[0]]
-        elif code == ca.OP_CONSTPOW:
-            now[to[0]] = found.power(now[of[0]], now[of[1]])
+    table, constants = instructions(function)
+    for k, (code, to, one, other) in enumerate(table):
+        if code in _BINARY:
+            of = now[one], now[other]
+        elif code in _UNARY:
+            of = (now[one],)
         else:
-            raise ExportError(f"'{name}' cannot be written as C: {_name(code)} has no C here.")
-    return results
+            if code == ca.OP_OUTPUT:
+                results.append((places_out[to] + other, now[one]))
+            elif code == ca.OP_INPUT:
+                now[to] = once(code, (first[one] + other,))
+                places[now[to]] = first[one] + other
+            elif code == ca.OP_CONST:
+                now[to] = constant(constants[k])
+            elif code in _COPY:
+                now[to] = now[one]
+            elif code == ca.OP_CONSTPOW:
+                now[to] = power(now[one], now[other])
+            else:
+                raise ExportError(f"'{name}' cannot be written as C: {_name(code)} has no C here.")
+            continue
+        at = known[code].setdefault(of, len(codes))  # as `once`, without a call
+        if at == len(codes):
+            codes.append(code)
+            args.append(of)
+        now[to] = at
+    return Values(codes, args, numbers, places), results
 
 
 def _name(code: int) -> str:
@@ -203,23 +209,26 @@ def _name(code: int) -> str:
     return f"the operation {found[0][3:].lower()}" if found else f"operation number {code}"
 
 
-def _needed(values: tuple[Value, ...], results: list[tuple[int, int]]) -> list[bool]:
-    needed = [False] * len(values)
+def _needed(values: Values, results: list[tuple[int, int]]) -> bytearray:
+    needed, args = bytearray(len(values.codes)), values.args
     for _, v in results:
-        needed[v] = True
-    for i in range(len(values) - 1, -1, -1):
+        needed[v] = 1
+    for i in range(len(args) - 1, -1, -1):
         if needed[i]:
-            for a in values[i].args:
-                needed[a] = True
+            for a in args[i]:
+                needed[a] = 1
     return needed
 
 
-def _fixed(values: tuple[Value, ...], seldom: set[int]) -> list[bool]:
+def _fixed(values: Values, seldom: set[int]) -> bytearray:
     """Which values depend on seldom changing inputs and constants only."""
-    fixed: list[bool] = []
-    for code, args, _, place in values:
-        known = place in seldom if code == ca.OP_INPUT else True
+    fixed = bytearray(b"\1") * len(values.codes)
+    for i, place in values.places.items():
+        if values.codes[i] == ca.OP_INPUT and place not in seldom:
+            fixed[i] = 0
+    for i, args in enumerate(values.args):
         for a in args:
-            known = known and fixed[a]
-        fixed.append(known)
+            if not fixed[a]:
+                fixed[i] = 0
+                break
     return fixed

@@ -14,7 +14,7 @@ import numpy as np
 from acausal.collocation.inputs import Inputs
 from acausal.collocation.tableau import Tableau, gauss_legendre, radau_iia, refining
 from acausal.emit.emit import Source, emit, translation_units
-from acausal.emit.program import NUMBER, program
+from acausal.emit.program import NUMBER
 from acausal.export.start_functions import StartFunctions
 from acausal.integrators.radau import ADAPTIVE
 from acausal.language.expression import Expression, InputRate
@@ -23,6 +23,7 @@ from acausal.numerics.staged import plain
 from acausal.outputs.functions import Functions
 from acausal.runtime.binding import Method, method_table
 from acausal.runtime.kernels import Wanted
+from acausal.runtime.program import program
 from acausal.simulate.simulation import guards_of
 
 _HEAD = """\

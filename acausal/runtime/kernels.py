@@ -22,11 +22,12 @@ import numpy as np
 from acausal.emit.compiler import NATIVE, cached_library, compiler, in_background
 from acausal.emit.emit import EMITTER, Source, emit, translation_units
 from acausal.emit.library import sources
-from acausal.emit.program import Program, program
+from acausal.emit.program import Program
 from acausal.errors import ExportError
 from acausal.numerics.bound import BoundFunction, arguments
 from acausal.numerics.staged import Function, plain, systems_of
 from acausal.runtime.load import Runtime, usable
+from acausal.runtime.program import program
 
 logger = logging.getLogger("acausal")
 WORTH = 0.5

@@ -92,6 +92,7 @@ def _runtime(path: Path, options: tuple[str, ...]) -> Runtime:
         library.exchange.argtypes = [pointer, number, pointer]
         library.dense.argtypes = [pointer, number, pointer, pointer]
         library.project_states.argtypes = [pointer, number, number, number, pointer, number, pointer, pointer, pointer]
+        library.make_program.argtypes = [pointer] * 4
         library.columns.argtypes = [pointer, number, number, number, pointer, number, pointer, pointer, pointer, pointer]
         library.lasting_program.argtypes = [pointer, number, ctypes.c_double, pointer]
         library.take_compiled.argtypes = [pointer, number, pointer]
@@ -99,6 +100,7 @@ def _runtime(path: Path, options: tuple[str, ...]) -> Runtime:
         library.lasting_program.restype = library.lanes.restype = library.widest.restype = library.integrator_size.restype = (
             number
         )
+        library.make_program.restype = number
         library.finish.restype = library.forget_programs.restype = None
         return Runtime(library, library.lanes(), options)
 

@@ -33,6 +33,7 @@ INLINE double smaller(double a, double b) { return a <= b || b != b ? a : b; }
 #include "modes.h"
 #include "advance.h"
 #include "columns.h"
+#include "program.h"
 
 long lanes(void) { return LANES; }
 

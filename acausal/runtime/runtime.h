@@ -226,6 +226,8 @@ EXPORT double table_value(const Table *T, double t);
 EXPORT long lanes(void);
 #ifndef ONLY_COMPILED_KERNELS
 EXPORT int columns(const Kernel *k, long nx, long nu, long np, const double *p, long n, const double *t, const double *x, const double *u, double *y);
+struct Definition; /* see program.h */
+EXPORT long make_program(const struct Definition *f, int *preparation, int *run, long *length);
 EXPORT int project_states(const Kernel *projection, long nx, long nu, long np, const double *p, long n, const double *t, const double *u, double *x);
 EXPORT long widest(void);
 EXPORT long integrator_size(void);

@@ -1,0 +1,72 @@
+"""Programs of `SX` functions, made by the runtime (program.h)."""
+
+from __future__ import annotations
+
+import ctypes
+from itertools import accumulate, chain
+
+import casadi as ca
+import numpy as np
+
+from acausal.emit.program import CODES, LOAD, NUMBER, SYSTEM, WIDTH, Program
+from acausal.emit.statements import ANSWER, statements
+from acausal.emit.statements import SYSTEM as SYSTEM_VALUE
+from acausal.errors import ExportError
+from acausal.numerics.staged import Function
+from acausal.numerics.uncollected import uncollected
+from acausal.runtime.load import runtime
+
+_SIZES = ("values", "rare_count", "often_count", "kept", "lasting_count", "results", "systems", "unit")
+_COLUMNS = ("code", "begin", "of", "place", "rare", "often", "lasting", "result", "system")
+
+
+class _Definition(ctypes.Structure):
+    """`Definition` of program.h."""
+
+    _fields_ = [*((n, ctypes.c_long) for n in _SIZES), *((n, ctypes.c_void_p) for n in _COLUMNS), ("number", ctypes.c_void_p)]
+
+
+_ANSWER = SYSTEM + 3
+"""As thin.h numbers it."""
+_CODES = np.zeros(256, np.int32)
+"""By operations of CasADi, and of systems from behind."""
+for _code, _own in {**CODES, ca.OP_INPUT: LOAD, ca.OP_CONST: NUMBER, SYSTEM_VALUE: SYSTEM, ANSWER: _ANSWER}.items():
+    _CODES[_code] = _own
+
+
+@uncollected
+def program(function: Function, name: str, lanes: int, *, parameters: tuple[int, ...] = ()) -> Program:
+    """The program of a function. `parameters`: numbers of the arguments that seldom change.
+
+    Raises `ExportError` for functions that cannot be expanded to `SX`, and where there is no runtime.
+    """
+    found, library = statements(function, name, parameters), runtime()
+    if library is None:
+        raise ExportError(
+            f"'{name}' becomes a program by the runtime, for which a C compiler is missing: install one, or ziglang."
+        )
+    values, count = found.values, len(found.values.codes)
+    code = _CODES[values.codes] if count else np.zeros(0, np.int32)
+    begin = np.fromiter(accumulate(map(len, values.args), initial=0), np.int32, count + 1)
+    of = np.fromiter(chain.from_iterable(values.args), np.int32, begin[-1])
+    rare, often = np.array(found.rare, np.int32), np.array(found.often, np.int32)
+    result = np.array(found.results, np.int32).reshape(-1, 2)
+    used = np.zeros(count, bool)
+    for part in (rare, often):
+        inside = np.zeros(count, bool)
+        inside[part] = True
+        used[of[np.repeat(inside, np.diff(begin))]] = True
+    used[result[:, 1]] = True
+    lasting = np.concatenate([np.array(found.kept, np.int32), np.flatnonzero(used & (code == NUMBER)).astype(np.int32)])
+    place, number = np.zeros(count, np.int32), np.zeros(count)
+    for column, own in ((place, values.places), (number, values.numbers)):
+        column[list(own)] = list(own.values())
+    system = np.array([(s.rows, s.columns, s.damped) for s in found.systems], np.int32)
+    columns = (code, begin, of, place, rare, often, lasting, result, system, number)
+    sizes = (count, rare.size, often.size, len(found.kept), lasting.size, len(result), len(system), 8 * lanes)
+    preparation, run = np.empty((2, 2 * count + len(result) + of.size + 2, WIDTH), np.int32)
+    length, definition = np.zeros(2, np.int_), _Definition(*sizes, *(column.ctypes.data for column in columns))
+    frame = library.library.make_program(ctypes.byref(definition), *(a.ctypes.data for a in (preparation, run, length)))
+    if frame < 0:
+        raise MemoryError(f"The program of '{name}', {count} values: not enough memory.")
+    return Program(preparation[: length[0]].copy(), run[: length[1]].copy(), found.inputs, found.outputs, frame)
