@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from itertools import accumulate
 
 import casadi as ca
+import numpy as np
 
 from acausal.emit.instructions import instructions
 from acausal.errors import ExportError
@@ -93,7 +94,7 @@ def statements(function: Function, name: str, parameters: tuple[int, ...] = ()) 
     if systems:
         values, results = _with_systems(values, results, systems, first[given], outputs)
     needed, fixed = _needed(values, results), _fixed(values, seldom)
-    rare, often = ([i for i, one in enumerate(zip(needed, fixed, strict=True)) if one == (1, kind)] for kind in (1, 0))
+    rare, often = (np.flatnonzero(part).tolist() for part in (needed & fixed, needed & ~fixed))
     wanted = {v for _, v in results}.union(*[values.args[i] for i in often])
     kept = sorted(i for i in wanted.intersection(rare) if values.codes[i] not in LEAVES)
     return Statements(values, results, rare, often, kept, first[given], outputs, systems)
@@ -209,7 +210,7 @@ def _name(code: int) -> str:
     return f"the operation {found[0][3:].lower()}" if found else f"operation number {code}"
 
 
-def _needed(values: Values, results: list[tuple[int, int]]) -> bytearray:
+def _needed(values: Values, results: list[tuple[int, int]]) -> np.ndarray:
     needed, args = bytearray(len(values.codes)), values.args
     for _, v in results:
         needed[v] = 1
@@ -217,10 +218,10 @@ def _needed(values: Values, results: list[tuple[int, int]]) -> bytearray:
         if needed[i]:
             for a in args[i]:
                 needed[a] = 1
-    return needed
+    return np.frombuffer(needed, bool)
 
 
-def _fixed(values: Values, seldom: set[int]) -> bytearray:
+def _fixed(values: Values, seldom: set[int]) -> np.ndarray:
     """Which values depend on seldom changing inputs and constants only."""
     fixed = bytearray(b"\1") * len(values.codes)
     for i, place in values.places.items():
@@ -231,4 +232,4 @@ def _fixed(values: Values, seldom: set[int]) -> bytearray:
             if not fixed[a]:
                 fixed[i] = 0
                 break
-    return fixed
+    return np.frombuffer(fixed, bool)

@@ -2,11 +2,11 @@
 #ifndef ONLY_COMPILED_KERNELS
 
 /* A function as columns. `code`: an operation of one or two values, OP_LOAD of the input at `place`, OP_NUMBER of a `number`, OP_SYSTEM with the number `place`, or OP_ANSWER
-   of a system, the one at `place`; operands stand in `of` from `begin` on. `lasting`: values that the preparation makes and that stay, numbers behind `kept` others.
+   of a system, the one at `place`; operands stand in `of` from `begin` on. `kept`: values that `rare` ones make and that stay.
    `result`: (output, value) each; `system`: rows, columns, whether it is damped, each. `unit`: bytes of a value. */
 struct Definition {
-    long values, rare_count, often_count, kept, lasting_count, results, systems, unit;
-    const int *code, *begin, *of, *place, *rare, *often, *lasting, *result, *system;
+    long values, rare_count, often_count, kept_count, results, systems, unit;
+    const int *code, *begin, *of, *place, *rare, *often, *kept, *result, *system;
     const double *number;
 };
 
@@ -22,8 +22,9 @@ typedef struct {
     int *slot, *slots;                                       /* places where systems have an operand: of value v those from slots[v] to slots[v + 1] */
     int *first_place;                                        /* by systems */
     int *free;
+    int *lasting; /* what is kept, and then the numbers that are needed */
     Step *step;
-    long steps, end;
+    long steps, end, lasting_count;
     int *row;
 } Maker;
 
@@ -61,7 +62,7 @@ static void find_products(Maker *m, const int *order, long count, int stores) {
         if (f->code[v] == OP_SIN) m->sine[f->of[f->begin[v]]] = v;
         if (f->code[v] == OP_COS) m->cosine[f->of[f->begin[v]]] = v;
     }
-    for (long k = 0; k < f->lasting_count; k++) m->uses[f->lasting[k]] = 0;
+    for (long k = 0; k < m->lasting_count; k++) m->uses[m->lasting[k]] = 0;
     for (long k = 0; k < f->results && stores; k++) m->uses[f->result[2 * k + 1]] = 0;
     for (long k = 0; k < count; k++) {
         int v = order[k], code = f->code[v];
@@ -83,14 +84,14 @@ static void find_steps(Maker *m, const int *order, long count, int stores) {
     find_products(m, order, count, stores);
     memset(m->made, 0, sizeof(int) * (size_t)f->values);
     m->steps = 0;
-    for (long k = 0; k < f->lasting_count; k++) {
-        int v = f->lasting[k];
+    for (long k = 0; k < m->lasting_count; k++) {
+        int v = m->lasting[k];
         m->made[v] = 1;
         if (stores) add_stores(m, v);
     }
     for (long k = 0; k < f->results && stores; k++)
         if (f->code[f->result[2 * k + 1]] == OP_LOAD) bring(m, f->result[2 * k + 1], 1);
-    for (long k = 0; k < f->lasting_count; k++) m->made[f->lasting[k]] = -1; /* still to be made, here or elsewhere */
+    for (long k = 0; k < m->lasting_count; k++) m->made[m->lasting[k]] = -1; /* still to be made, here or elsewhere */
     for (long k = 0; k < count; k++) {
         int v = order[k], code = f->code[v], to = v, second = -1, of[3] = {-1, -1, -1};
         if (m->inside[v] != 1 || m->made[v] == 1) continue;
@@ -135,7 +136,7 @@ static void write_steps(Maker *m) {
         for (int j = 0; j < 5; j++)
             if (values[j] >= 0 && m->last[values[j]] < always) m->last[values[j]] = k;
     }
-    for (int k = 0; k < f->lasting_count; k++) m->last[f->lasting[k]] = always, m->home[f->lasting[k]] = k;
+    for (int k = 0; k < m->lasting_count; k++) m->last[m->lasting[k]] = always, m->home[m->lasting[k]] = k;
     for (int k = 0; k < always; k++) {
         const Step *s = m->step + k;
         if (s->code == OP_SYSTEM) {
@@ -183,10 +184,25 @@ static void write_steps(Maker *m) {
     if (size > m->end) m->end = size;
 }
 
+/* Numbers that are operands or results stay as what is kept does. */
+static void find_lasting(Maker *m) {
+    const struct Definition *f = m->f;
+    memset(m->uses, 0, sizeof(int) * (size_t)f->values);
+    for (long k = 0; k < f->rare_count + f->often_count; k++) {
+        int v = k < f->rare_count ? f->rare[k] : f->often[k - f->rare_count];
+        for (int a = f->begin[v]; a < f->begin[v + 1]; a++) m->uses[f->of[a]] = 1;
+    }
+    for (long k = 0; k < f->results; k++) m->uses[f->result[2 * k + 1]] = 1;
+    memcpy(m->lasting, f->kept, sizeof(int) * (size_t)f->kept_count);
+    m->lasting_count = f->kept_count;
+    for (long v = 0; v < f->values; v++)
+        if (m->uses[v] && f->code[v] == OP_NUMBER) m->lasting[m->lasting_count++] = (int)v;
+}
+
 /* Places of systems, behind those of what lasts. */
 static void place_systems(Maker *m) {
     const struct Definition *f = m->f;
-    int *count = m->slots, at = (int)f->lasting_count;
+    int *count = m->slots, at = (int)m->lasting_count;
     memset(count, 0, sizeof(int) * (size_t)(f->values + 1));
     for (long v = 0; v < f->values; v++)
         for (int a = f->begin[v]; a < f->begin[v + 1] && f->code[v] == OP_SYSTEM; a++) count[f->of[a] + 1]++;
@@ -205,11 +221,11 @@ static void place_systems(Maker *m) {
    how many places its frame has, or -1 where there is not enough memory. */
 long make_program(const struct Definition *f, int *preparation, int *run, long *length) {
     size_t n = (size_t)f->values + 1, operands = (size_t)f->begin[f->values] + 1;
-    size_t steps = 2 * n + (size_t)f->results, integers = 12 * n + (size_t)f->results + operands + (size_t)f->systems + 2;
+    size_t steps = 2 * n + (size_t)f->results, integers = 13 * n + (size_t)f->results + operands + (size_t)f->systems + 2;
     int *room = malloc(sizeof(int) * integers);
     Maker m = {.f = f, .step = malloc(sizeof(Step) * steps)};
     if (room && m.step) {
-        int **parts[] = {&m.uses, &m.inside, &m.product, &m.sine, &m.cosine, &m.made, &m.last, &m.home, &m.first_result, &m.free, &m.slots};
+        int **parts[] = {&m.uses, &m.inside, &m.product, &m.sine, &m.cosine, &m.made, &m.last, &m.home, &m.first_result, &m.free, &m.lasting, &m.slots};
         int *at = room;
         for (size_t k = 0; k < sizeof parts / sizeof *parts; k++, at += n) *parts[k] = at;
         m.next_result = at, m.slot = at + f->results, m.first_place = m.slot + operands;
@@ -218,15 +234,16 @@ long make_program(const struct Definition *f, int *preparation, int *run, long *
             m.next_result[k] = m.first_result[f->result[2 * k + 1]];
             m.first_result[f->result[2 * k + 1]] = (int)k;
         }
+        find_lasting(&m);
         place_systems(&m);
         m.row = preparation;
-        for (long k = f->kept; k < f->lasting_count; k++) {
+        for (long k = f->kept_count; k < m.lasting_count; k++) {
             int halves[2];
-            memcpy(halves, f->number + f->lasting[k], sizeof halves);
+            memcpy(halves, f->number + m.lasting[k], sizeof halves);
             add_row(&m, OP_NUMBER, (int)(k * f->unit), halves[0], halves[1], 0);
         }
-        for (long k = f->kept; k < f->lasting_count; k++)
-            for (int j = m.slots[f->lasting[k]]; j < m.slots[f->lasting[k] + 1]; j++) add_row(&m, OP_MOVE, m.slot[j] * (int)f->unit, (int)(k * f->unit), 0, 0);
+        for (long k = f->kept_count; k < m.lasting_count; k++)
+            for (int j = m.slots[m.lasting[k]]; j < m.slots[m.lasting[k] + 1]; j++) add_row(&m, OP_MOVE, m.slot[j] * (int)f->unit, (int)(k * f->unit), 0, 0);
         find_steps(&m, f->rare, f->rare_count, 0);
         write_steps(&m);
         add_row(&m, OP_END, 0, 0, 0, 0);

@@ -16,8 +16,8 @@ from acausal.numerics.staged import Function
 from acausal.numerics.uncollected import uncollected
 from acausal.runtime.load import runtime
 
-_SIZES = ("values", "rare_count", "often_count", "kept", "lasting_count", "results", "systems", "unit")
-_COLUMNS = ("code", "begin", "of", "place", "rare", "often", "lasting", "result", "system")
+_SIZES = ("values", "rare_count", "often_count", "kept_count", "results", "systems", "unit")
+_COLUMNS = ("code", "begin", "of", "place", "rare", "often", "kept", "result", "system")
 
 
 class _Definition(ctypes.Structure):
@@ -46,26 +46,19 @@ def program(function: Function, name: str, lanes: int, *, parameters: tuple[int,
             f"'{name}' becomes a program by the runtime, for which a C compiler is missing: install one, or ziglang."
         )
     values, count = found.values, len(found.values.codes)
-    code = _CODES[values.codes] if count else np.zeros(0, np.int32)
+    code = _CODES[np.array(values.codes, np.int_)]
     begin = np.fromiter(accumulate(map(len, values.args), initial=0), np.int32, count + 1)
     of = np.fromiter(chain.from_iterable(values.args), np.int32, begin[-1])
-    rare, often = np.array(found.rare, np.int32), np.array(found.often, np.int32)
-    result = np.array(found.results, np.int32).reshape(-1, 2)
-    used = np.zeros(count, bool)
-    for part in (rare, often):
-        inside = np.zeros(count, bool)
-        inside[part] = True
-        used[of[np.repeat(inside, np.diff(begin))]] = True
-    used[result[:, 1]] = True
-    lasting = np.concatenate([np.array(found.kept, np.int32), np.flatnonzero(used & (code == NUMBER)).astype(np.int32)])
+    rare, often, kept = (np.array(part, np.int32) for part in (found.rare, found.often, found.kept))
+    result = np.fromiter(chain.from_iterable(found.results), np.int32, 2 * len(found.results))
     place, number = np.zeros(count, np.int32), np.zeros(count)
     for column, own in ((place, values.places), (number, values.numbers)):
         column[list(own)] = list(own.values())
     system = np.array([(s.rows, s.columns, s.damped) for s in found.systems], np.int32)
-    columns = (code, begin, of, place, rare, often, lasting, result, system, number)
-    sizes = (count, rare.size, often.size, len(found.kept), lasting.size, len(result), len(system), 8 * lanes)
-    preparation, run = np.empty((2, 2 * count + len(result) + of.size + 2, WIDTH), np.int32)
-    length, definition = np.zeros(2, np.int_), _Definition(*sizes, *(column.ctypes.data for column in columns))
+    columns = (code, begin, of, place, rare, often, kept, result, system, number)
+    sizes = (count, rare.size, often.size, kept.size, len(found.results), len(system), 8 * lanes)
+    preparation, run = np.empty((2, 2 * count + len(found.results) + of.size + 2, WIDTH), np.int32)
+    length, definition = np.zeros(2, np.int_), _Definition(*sizes, *[column.ctypes.data for column in columns])
     frame = library.library.make_program(ctypes.byref(definition), *(a.ctypes.data for a in (preparation, run, length)))
     if frame < 0:
         raise MemoryError(f"The program of '{name}', {count} values: not enough memory.")
