@@ -10,6 +10,7 @@ import pytest
 import acausal as ac
 from acausal.errors import ParameterError, StartValueError
 from components import Belt, Coulomb, Prismatic, Pulley, RigidBody, Spring, TorqueSource, World
+from tests.pairings import each_value
 
 SIZES = [1e-3, 1.0, 1e3]
 R, J, D = (0.1, 0.2), (0.02, 0.05), 0.7
@@ -28,8 +29,7 @@ def drive(size: float = 1.0, torque: Any = 3.0, crossed: bool = False, apart: fl
     return scene
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("crossed", [False, True])
+@each_value(("size", SIZES), ("crossed", [False, True]))
 def test_a_belt_carries_a_torque_over_and_its_pulls_show_it(size: float, crossed: bool) -> None:
     """(J1 / r1^2 + J2 / r2^2) a = M / r1; the pulls differ by J2 a / r2^2 about the preload."""
     scene = drive(size, crossed=crossed, preload=200.0 * size)
@@ -51,8 +51,7 @@ def test_a_belt_carries_a_torque_over_and_its_pulls_show_it(size: float, crossed
     assert run.energy_error() < 1e-12
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("idle", [False, True])
+@each_value(("size", SIZES), ("idle", [False, True]))
 def test_wheels_on_an_elastic_belt_swing_against_each_other(size: float, idle: bool) -> None:
     """w^2 = 2 k (r1^2 / J1 + r2^2 / J2), k of each of two sections; a pulley that only leads one of them changes nothing."""
     scene: Any = ac.System()

@@ -35,6 +35,7 @@ from components import (
     World,
 )
 from tests.drawn import SEEDS, Drawn
+from tests.pairings import each_value
 from tests.scenes import FourBar
 
 G = 9.81
@@ -316,9 +317,7 @@ def screw(mu: float, turning: float = 1e-3, size: float = 1.0, pitch: float = 0.
     return scene
 
 
-@pytest.mark.parametrize("near", [False, True])
-@pytest.mark.parametrize("holds", [False, True])
-@pytest.mark.parametrize("seed", SEEDS)
+@each_value(("near", [False, True]), ("holds", [False, True]), ("seed", SEEDS))
 def test_screw_holds_itself_where_its_slope_is_below_the_coefficient(seed: int, holds: bool, near: bool) -> None:
     of = Drawn(seed)
     slope, mass, g = of.within(0.05, 0.5), of.M, 9.81 / of.T**2
@@ -554,8 +553,7 @@ def test_rod_that_may_fly_or_be_held_names_its_critical_coefficient() -> None:
     assert not ac.build(scene).simulate(0.01, leaning(scene, angle, -1.0, turning=12.0)).transitions
 
 
-@pytest.mark.parametrize("lifts", [False, True])
-@pytest.mark.parametrize("seed", SEEDS)
+@each_value(("lifts", [False, True]), ("seed", SEEDS))
 def test_ball_with_back_spin_slides_and_then_rolls(seed: int, lifts: bool) -> None:
     """With an inertia c m r^2 its slip falls by (1 + 1 / c) mu g, and its velocity by mu g."""
     of = Drawn(seed)
@@ -622,8 +620,7 @@ def test_rod_that_slides_on_into_its_critical_position_is_told_so() -> None:
         ac.build(scene).simulate(0.3, leaning(scene, 0.5, -6.0, -2.0), rtol=1e-10)
 
 
-@pytest.mark.parametrize("tilt", [0.0, 0.6, np.pi / 2])
-@pytest.mark.parametrize("size", [1.0, 1e-6, 1e4])
+@each_value(("tilt", [0.0, 0.6, np.pi / 2]), ("size", [1.0, 1e-6, 1e4]))
 def test_collar_of_a_bearing_rubs_by_the_force_along_its_axis(tilt: float, size: float) -> None:
     """A balanced disk runs down: I w' = -mu m g (radius sin(tilt) + collar cos(tilt))."""
     mu, r, collar, w = 0.2, 0.02 * size, 0.05 * size, 7.0

@@ -13,6 +13,7 @@ import pytest
 import acausal as ac
 from components import Capacitor, Ground, IdealDiode, Inductor, Resistor, Thyristor, VoltageSource
 from tests.circuits import between_nodes, check_diodes, element
+from tests.pairings import each_value
 
 AMPLITUDE = 10.0
 
@@ -96,8 +97,7 @@ def free_wheeling(L: float, R: float, w: float, turns: int) -> tuple[list[float]
     return times, branches
 
 
-@pytest.mark.parametrize("first", [False, True])
-@pytest.mark.parametrize(("L", "R", "w"), SIZES)
+@each_value(("first", [False, True]), (("L", "R", "w"), SIZES))
 def test_a_current_that_cannot_stop_goes_over_to_the_other_diode(L: float, R: float, w: float, first: bool) -> None:
     scene = circuit(L, R, w, free=True, first=first)
     run = ac.build(scene).simulate(6.5 * math.pi / w, {scene.coil.i: 0.0}, rtol=1e-12, samples=300)
@@ -177,8 +177,7 @@ def test_a_thyristor_hands_its_current_over_to_a_diode_beside_it() -> None:
     assert run[scene.coil.i].ravel()[-1] == pytest.approx(rises(run.t[-1]), rel=1e-11)
 
 
-@pytest.mark.parametrize(("L", "R", "w"), SIZES)
-@pytest.mark.parametrize("late", [0.4, 1.8])
+@each_value((("L", "R", "w"), SIZES), ("late", [0.4, 1.8]))
 def test_a_thyristor_alone_with_an_inductor_waits_for_its_gate_and_conducts_until_nothing_flows(
     L: float, R: float, w: float, late: float
 ) -> None:
@@ -251,8 +250,7 @@ def test_a_bridge_with_one_inductor_against_closed_forms(at_source: bool) -> Non
     np.testing.assert_allclose(run[scene.load.i].ravel(), np.abs(line), rtol=0, atol=1e-10 * AMPLITUDE / R)
 
 
-@pytest.mark.parametrize("resistance", [0.0, 1e-3])
-@pytest.mark.parametrize(("behind", "store"), [(0.0, 1e-3), (0.05, 0.0), (0.05, 1e-3)])
+@each_value(("resistance", [0.0, 1e-3]), (("behind", "store"), [(0.0, 1e-3), (0.05, 0.0), (0.05, 1e-3)]))
 def test_a_bridge_between_inductors_and_stores_moves_alike_wherever_its_ground_is(
     behind: float, store: float, resistance: float
 ) -> None:

@@ -8,6 +8,7 @@ import pytest
 
 import acausal as ac
 from components import Force, Integrator, Particle, Prismatic, Relay, SampleAndHold, TimeFunction, World
+from tests.pairings import each_value
 
 T = ac.time.sx
 
@@ -100,8 +101,7 @@ def test_samples_are_taken_at_every_period_at_any_tolerance(rtol: float) -> None
         assert run[scene.sum.x][-1] == pytest.approx(exact, abs=1e-11)
 
 
-@pytest.mark.parametrize("rtol", [1e-2, 1e-3, 1e-5, 1e-9, 1e-13])
-@pytest.mark.parametrize(("period", "count"), [(0.1, 3), (1 / 3, 10), (7e-6, 7), (4e5, 2)])
+@each_value(("rtol", [1e-2, 1e-3, 1e-5, 1e-9, 1e-13]), (("period", "count"), [(0.1, 3), (1 / 3, 10), (7e-6, 7), (4e5, 2)]))
 def test_the_sample_at_the_last_instant_is_taken_at_any_tolerance(period: float, count: int, rtol: float) -> None:
     scene = ac.System()
     scene.source, scene.sampler, scene.sum = TimeFunction(lambda t: np.cos(t / period)), SampleAndHold(period), Integrator()

@@ -21,6 +21,7 @@ from components import (
     TranslationalSpring,
     World,
 )
+from tests.pairings import each_value
 from tests.scenes import PointPendulum, rotation
 
 G = 9.81
@@ -221,8 +222,7 @@ def test_motion_does_not_depend_on_the_choice_of_axes(seed):
     assert np.max(np.abs(a @ R.T - b)) < 1e-10
 
 
-@pytest.mark.parametrize("count", [8, 10, 25])
-@pytest.mark.parametrize(("rtol", "length"), [(1e-6, 1.0), (1e-12, 1e-9)])
+@each_value(("count", [8, 10, 25]), (("rtol", "length"), [(1e-6, 1.0), (1e-12, 1e-9)]))
 def test_a_row_of_oscillators_plucked_at_rest_is_the_sum_of_its_modes(count, rtol, length):
     """The far ones begin as high a power of time as there are springs between: no step resolves a part of that."""
     scene = ac.System()

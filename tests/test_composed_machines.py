@@ -31,6 +31,7 @@ from components import (
     Torque,
     World,
 )
+from tests.pairings import each_value
 
 G = 9.81
 
@@ -41,8 +42,7 @@ def connected(scene: ac.System, pairs: list[tuple[Connector, Connector]], order:
     return ac.build(scene)
 
 
-@pytest.mark.parametrize("order", [1, -1])
-@pytest.mark.parametrize("size, rtol", [(1.0, 1e-12), (1e-3, 1e-6), (1e4, 1e-6)])
+@each_value(("order", [1, -1]), ("size, rtol", [(1.0, 1e-12), (1e-3, 1e-6), (1e4, 1e-6)]))
 def test_a_wedge_that_is_driven_under_a_load_slips_stops_and_holds(size: float, rtol: float, order: int) -> None:
     """At rest four rows hold three freedoms; it slips where no forces hold it, and locks itself when nothing drives it any longer."""
     mu, slope, wedge, load, rise = 0.5, 0.2, 1.0, 2.0, 60.0
@@ -210,8 +210,7 @@ def test_the_balance_of_energy_closes_through_bounces_without_end_while_other_th
     assert model.simulate(end, start, rtol=1e-12).energy_error() < left
 
 
-@pytest.mark.parametrize("back", [0.0, 0.5])
-@pytest.mark.parametrize("size, rtol", [(1.0, 1e-6), (1e-3, 1e-11), (1e4, 1e-8)])
+@each_value(("back", [0.0, 0.5]), ("size, rtol", [(1.0, 1e-6), (1e-3, 1e-11), (1e4, 1e-8)]))
 def test_a_rod_that_jams_on_its_tip_is_stopped_whatever_else_might_touch(size: float, rtol: float, back: float) -> None:
     """Slipping forward on its tip, with 1 + 3 s (s - mu c) < 0, it has no acceleration: its tip is held at once, by the impulse that ends its slip. A foot at its other
     end, which touches nothing until it falls on it, changes nothing; with it there are more rows than freedoms."""

@@ -35,6 +35,7 @@ from components import (
     VelocitySource,
     World,
 )
+from tests.pairings import each_value
 from tests.scenes import Pendulum
 from tests.test_elimination import slider_crank
 
@@ -602,8 +603,7 @@ def test_a_torque_at_a_screw_lifts_its_nut(pitch: float, size: float) -> None:
     assert run[scene.motor.phi] == pytest.approx(i * run[scene.screw.q])
 
 
-@pytest.mark.parametrize("beside", ["turns", "shifts"])
-@pytest.mark.parametrize(("size", "pace"), [(1e-3, 1e3), (1.0, 1.0), (1e3, 1e-3), (1e-3, 1e-3)])
+@each_value(("beside", ["turns", "shifts"]), (("size", "pace"), [(1e-3, 1e3), (1.0, 1.0), (1e3, 1e-3), (1e-3, 1e-3)]))
 def test_what_rounding_leaves_of_velocities_is_no_contradiction(size, pace, beside):
     scene = cams(1, size)
     scene.other = Inertia(1.0) if beside == "turns" else SlidingMass(1.0)

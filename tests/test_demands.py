@@ -22,6 +22,7 @@ from components import (
     TorqueSource,
     World,
 )
+from tests.pairings import each_value
 from tests.rough import dragged, thrown
 
 TIMES = np.linspace(0.0, 2.0, 9)
@@ -58,8 +59,7 @@ def hurried(size: float, mu: float, order: int = 1) -> tuple[ac.System, InverseD
     return scene, found
 
 
-@pytest.mark.parametrize("order", [1, -1])
-@pytest.mark.parametrize("size", [1e-6, 1.0, 1e4])
+@each_value(("order", [1, -1]), ("size", [1e-6, 1.0, 1e4]))
 def test_crate_on_a_wagon_needs_the_friction_that_carries_it_along(size: float, order: int) -> None:
     scene, found = hurried(size, 0.5, order)
     a = 1.8 * TIMES
@@ -170,8 +170,7 @@ def test_box_on_many_feet_needs_of_all_together_what_one_would(legs: int) -> Non
 THERE_AND_BACK = np.linspace(0.0, 4.0, 17)
 
 
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e4])
-@pytest.mark.parametrize("part", ["slide", "hinge", "plane"])
+@each_value(("size", [1e-3, 1.0, 1e4]), ("part", ["slide", "hinge", "plane"]))
 def test_friction_acts_against_a_slip_that_is_prescribed_whichever_way_it_goes(part: str, size: float) -> None:
     """From rest to rest, there and back again and again, x = (1 - cos(pi t)) / 2: what it takes besides inertia and weight is the limit along x'; where it stands, along the way that it went."""
     t, scene = THERE_AND_BACK, ac.System()

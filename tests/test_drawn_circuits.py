@@ -14,6 +14,7 @@ import pytest
 import acausal as ac
 from components import Capacitor, Ground, IdealDiode, Inductor, Resistor, VoltageSource
 from tests.circuits import between_nodes
+from tests.pairings import each_value
 
 RTOL = 1e-10
 
@@ -91,11 +92,11 @@ def test_what_charges_a_store_through_two_valves_in_a_row_flows_through_both() -
     obeys(ac.build(scene).simulate(2 * end, rtol=1e-10), parts, V)
 
 
-@pytest.mark.parametrize("leak", [1e-6, 1e-4])
-@pytest.mark.parametrize(
-    ("wire", "coil", "store"), [(0.0, 0.0, 1.0), (0.0, 0.0, 1e-3), (0.1, 0.0, 1e-3), (0.1, 0.01, 0.0), (0.1, 0.01, 1.0)]
+@each_value(
+    ("leak", [1e-6, 1e-4]),
+    (("wire", "coil", "store"), [(0.0, 0.0, 1.0), (0.0, 0.0, 1e-3), (0.1, 0.0, 1e-3), (0.1, 0.01, 0.0), (0.1, 0.01, 1.0)]),
+    (("phases", "begins"), [(1, 0.0), (1, 0.7), (3, 0.7)]),
 )
-@pytest.mark.parametrize(("phases", "begins"), [(1, 0.0), (1, 0.7), (3, 0.7)])
 def test_bridges_conduct_through_one_pair_after_the_other(
     leak: float, wire: float, coil: float, store: float, phases: int, begins: float
 ) -> None:
@@ -134,8 +135,7 @@ def test_bridges_conduct_through_one_pair_after_the_other(
         assert np.all(run[scene.load.v][1:] > (1 - 3e-3) * largest[1:] - 3e-3)
 
 
-@pytest.mark.parametrize("rtol", [1e-4, 1e-12])
-@pytest.mark.parametrize("T", [1e-9, 1.0, 1e6])
+@each_value(("rtol", [1e-4, 1e-12]), ("T", [1e-9, 1.0, 1e6]))
 def test_rectifiers_of_resistors_alone(T: float, rtol: float) -> None:
     """Nothing is stored: half of the waves and all of them, above a third voltage too; instants have a closed form."""
     w, level = 6 / T, 0.3
@@ -240,9 +240,9 @@ def test_a_short_circuit_ends_in_words() -> None:
         ac.build(scene).simulate(3.0)
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-6])
-@pytest.mark.parametrize(
-    ("stages", "rtol", "method"), [(3, 1e-10, "gauss"), (5, 1e-8, "gauss"), (8, 1e-8, "auto"), (8, 1e-12, "gauss")]
+@each_value(
+    ("size", [1.0, 1e-6]),
+    (("stages", "rtol", "method"), [(3, 1e-10, "gauss"), (5, 1e-8, "gauss"), (8, 1e-8, "auto"), (8, 1e-12, "gauss")]),
 )
 def test_cascades_multiply_a_voltage_as_accurately_inside_of_steps_as_at_their_ends(
     stages: int, rtol: float, method: str, size: float
@@ -270,8 +270,7 @@ def test_cascades_multiply_a_voltage_as_accurately_inside_of_steps_as_at_their_e
     assert run.energy_error() < 100 * max(rtol, 1e-10)
 
 
-@pytest.mark.parametrize("inverts", [False, True])
-@pytest.mark.parametrize("size", [1.0, 1e-6])
+@each_value(("inverts", [False, True]), ("size", [1.0, 1e-6]))
 def test_choppers_are_read_in_the_instants_of_their_switches_as_they_are_right_after(inverts: bool, size: float) -> None:
     """Samples fall on instants in which a switch, by its condition, and the valve that takes over go over within rounding of one another: what is read is of one side of both."""
     scene: Any = ac.System()

@@ -41,6 +41,7 @@ from components import (
 from examples.bicycle import Bicycle
 from tests.analysis_scenes import Arm, Motor, Top
 from tests.formulations import composed, script
+from tests.pairings import each_value
 from tests.random_sketches import random_sketch
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
 
@@ -460,8 +461,7 @@ def test_springs_of_all_stiffnesses_on_loops_come_to_rest_where_the_energy_is_le
     assert found.stability == "neutral"
 
 
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
-@pytest.mark.parametrize("modes", [2, 4, 7])
+@each_value(("size", [1e-3, 1.0, 1e3]), ("modes", [2, 4, 7]))
 def test_a_beam_sags_by_the_formula_of_books_however_many_shapes_it_has(size, modes):
     """rho A g L^4 / (8 E I), far more than what each shape would yield alone; a scene that nothing but this gives a size."""
     length, side, modulus, density = 0.8 * size, 0.01 * size, 7e10 * size, 2700.0

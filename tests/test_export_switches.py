@@ -14,6 +14,7 @@ import acausal as ac
 from acausal.errors import ExportError
 from components import Force, Particle, Prismatic, World
 from tests.exported import AUTO, BAD_ARGUMENT, GAUSS, INPUT, RADAU, SLIDES, SUCCESS, Library
+from tests.pairings import each_value
 
 T = ac.time.sx
 END = 4.0
@@ -61,10 +62,12 @@ def machine():
         yield scene, model, start, inputs, Library(made)
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize(
-    ("damping", "relay", "options"),
-    [(0, 0, {}), (0.1, 2, {"rtol": 1e-12}), (1e5, 0, {"rtol": 1e-6}), (0, 0.5, {"max_step": 0.01}), (0.1, 0, {"step": 0.01})],
+@each_value(
+    ("method", METHODS),
+    (
+        ("damping", "relay", "options"),
+        [(0, 0, {}), (0.1, 2, {"rtol": 1e-12}), (1e5, 0, {"rtol": 1e-6}), (0, 0.5, {"max_step": 0.01}), (0.1, 0, {"step": 0.01})],
+    ),
 )
 def test_whatever_switches_or_is_stiff_the_bits_are_those_of_the_package(machine, method, damping, relay, options):
     scene, model, start, inputs, library = machine

@@ -26,6 +26,7 @@ from components import (
     Sphere,
     World,
 )
+from tests.pairings import each_value
 
 SPEED, BEGIN = 3.0, 0.9
 
@@ -57,8 +58,7 @@ def dead_time(lengths: np.ndarray) -> float:
     return (min(angle for angle in angles if angle > BEGIN) - BEGIN) / SPEED
 
 
-@pytest.mark.parametrize("size", [3e-3, 75.0])
-@pytest.mark.parametrize("number", range(2))
+@each_value(("size", [3e-3, 75.0]), ("number", range(2)))
 def test_what_is_driven_out_of_reach_is_kept_until_there(size: float, number: int) -> None:
     rng = np.random.default_rng(number)
     lengths = np.array([0.8, 0.7, 0.6]) * rng.uniform(0.9, 1.1, 3)

@@ -13,6 +13,7 @@ import scipy.linalg
 import acausal as ac
 from acausal.errors import OptionError
 from components import ForceSource, Particle, Prismatic, World
+from tests.pairings import each_value
 from tests.test_optimal_control import CartPole, DrivenFourBar, Sledge
 
 
@@ -25,8 +26,7 @@ def test_regulator_of_a_mass_is_that_of_textbooks() -> None:
     assert repr(found) == f"<Regulator: 1 input from 2 states, errors decay by {np.sqrt(5) - 1:.4g} / s at least>"
 
 
-@pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])
-@pytest.mark.parametrize("seen", [(1.0, 3.0), (0.1, 0.7), (1e-3, 0.3), (1e3, 0.7)])
+@each_value(("size", [1e-12, 1.0, 1e12]), ("seen", [(1.0, 3.0), (0.1, 0.7), (1e-3, 0.3), (1e3, 0.7)]))
 def test_what_one_sum_of_states_costs_is_weighed_in_any_unit(seen: tuple[float, float], size: float) -> None:
     """(c x)^2 + r u^2: the product of both states costs nothing in the end."""
     scene, (a, b) = Sledge(), seen

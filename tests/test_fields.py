@@ -25,6 +25,7 @@ from components import (
     UniformField,
     World,
 )
+from tests.pairings import each_value
 
 
 def turned(axis: np.ndarray, angle: float) -> np.ndarray:
@@ -40,8 +41,7 @@ def free(body, *parts, gravity=None) -> ac.System:
     return scene
 
 
-@pytest.mark.parametrize("eccentricity", [0.0, 0.5, 0.9])
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e8])
+@each_value(("eccentricity", [0.0, 0.5, 0.9]), ("size", [1e-3, 1.0, 1e8]))
 def test_an_orbit_closes(eccentricity, size):
     """After one period of Kepler's third law, from the farthest point; 18 operations."""
     scene = free(Particle(2.0), CentralField(4 * np.pi**2 * size**3))

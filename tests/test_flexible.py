@@ -26,6 +26,7 @@ from components import (
     World,
 )  # fmt: skip
 from tests.momentum import angular_momentum, linear_momentum
+from tests.pairings import each_value
 from tests.test_reduction import acceleration_operations
 
 _SPEC = importlib.util.spec_from_file_location("crank", Path(__file__).parents[1] / "examples" / "flexible_slider_crank.py")
@@ -196,8 +197,7 @@ def random_state(model: ac.Model, seed: int) -> np.ndarray:
     return np.concatenate([start, rng.normal(size=s.tree_velocities)])
 
 
-@pytest.mark.parametrize("backwards", [False, True])
-@pytest.mark.parametrize("modes", ["pinned", "craig-bampton"])
+@each_value(("backwards", [False, True]), ("modes", ["pinned", "craig-bampton"]))
 def test_explicit_and_residual_form_agree(backwards, modes):
     for scene in (pendulum(backwards, modes=modes, axial=1), four_bar("abcd", modes), four_bar("dcba", modes)):
         model = ac.build(scene)

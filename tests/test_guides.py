@@ -37,6 +37,7 @@ from components import (
     Torus,
     World,
 )
+from tests.pairings import each_value
 
 G = 9.81
 
@@ -320,14 +321,16 @@ def test_a_ball_too_large_for_its_bowl_is_refused():
         ac.build(scene)
 
 
-@pytest.mark.parametrize("size", [1e-7, 1e-3, 1.0, 1e4])
-@pytest.mark.parametrize(
-    "curve",
-    [
-        lambda size: SplineCurve([(0, 0, size), (size, 0.3 * size, 0.2 * size), (2 * size, 0, 0.6 * size)]),
-        lambda size: ParametricCurve(lambda s: (size * s, size * ca.sin(s), 0), ends=(2.0, 2.001), unit="rad"),
-        lambda size: ParametricCurve(lambda s: (s, size * ca.sin(s / size), 0), ends=(-9 * size, -8 * size), unit="m"),
-    ],
+@each_value(
+    ("size", [1e-7, 1e-3, 1.0, 1e4]),
+    (
+        "curve",
+        [
+            lambda size: SplineCurve([(0, 0, size), (size, 0.3 * size, 0.2 * size), (2 * size, 0, 0.6 * size)]),
+            lambda size: ParametricCurve(lambda s: (size * s, size * ca.sin(s), 0), ends=(2.0, 2.001), unit="rad"),
+            lambda size: ParametricCurve(lambda s: (s, size * ca.sin(s / size), 0), ends=(-9 * size, -8 * size), unit="m"),
+        ],
+    ),
 )
 def test_points_begin_between_the_ends_of_a_curve_of_any_size(curve, size):
     """And at the same place of it."""

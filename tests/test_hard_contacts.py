@@ -43,6 +43,7 @@ from components import (
     World,
 )
 from tests.drawn import SEEDS, Drawn
+from tests.pairings import each_value
 
 G = 9.81
 INSTANT = 1e-11
@@ -185,8 +186,7 @@ def ramp(size: float, friction: Coulomb | None = None) -> ac.System:
     return scene
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-6, 1e5])
-@pytest.mark.parametrize("rtol", [1e-12, 1e-7])
+@each_value(("size", [1.0, 1e-6, 1e5]), ("rtol", [1e-12, 1e-7]))
 def test_a_particle_flies_off_the_end_of_a_track(size: float, rtol: float) -> None:
     """Along the track's tangent there, with all that it fell."""
     scene, height = ramp(size), 5 * (0.95**2 - 0.1**2)
@@ -257,8 +257,7 @@ def row_of_balls(places: list[float], order: list[int], restitution: float = 1.0
     return scene, balls
 
 
-@pytest.mark.parametrize("order", [[0, 1, 2], [2, 0, 1]])
-@pytest.mark.parametrize("apart", [0.0, 1e-3])
+@each_value(("order", [[0, 1, 2], [2, 0, 1]]), ("apart", [0.0, 1e-3]))
 def test_one_ball_strikes_two(order: list[int], apart: float) -> None:
     """Two that touch take part in one impact: with e = 1 by Poisson (-1/3, 2/3, 2/3); a little apart it is handed on: (0, 0, 1)."""
     places = [-0.5, 1.0, 2.0 + apart]
@@ -762,8 +761,7 @@ def test_wherever_a_slip_ends_its_instant_is_exact_and_nothing_after_it_is_worse
         assert run.statistics.steps < 100
 
 
-@pytest.mark.parametrize("rolls", [False, True])
-@pytest.mark.parametrize("seed", [0, 1, 2, 3, 17, 29])
+@each_value(("rolls", [False, True]), ("seed", [0, 1, 2, 3, 17, 29]))
 def test_slips_on_inclines_end_when_they_must_however_large_all_is(seed: int, rolls: bool) -> None:
     """s (limit + a cos) falls at the rate limit^2 - a^2, with a along the slope, and limit what friction makes of the slip s: 3.5 times as much of a ball's."""
     rng = np.random.default_rng(seed)
@@ -1001,8 +999,7 @@ def test_a_dropped_box_comes_to_rest_in_the_same_place_in_every_order_of_its_fee
     assert found[1] == pytest.approx(found[0], abs=1e-11)
 
 
-@pytest.mark.parametrize("kind", ["point", "ball", "rope", "stop"])
-@pytest.mark.parametrize(("shift", "start"), [(0.0, 0.0), (1.0, 0.7), (1e3, 0.0), (1e6, 0.3)])
+@each_value(("kind", ["point", "ball", "rope", "stop"]), (("shift", "start"), [(0.0, 0.0), (1.0, 0.7), (1e3, 0.0), (1e6, 0.3)]))
 def test_what_is_put_where_it_touches_rests_there_however_far_away(kind: str, shift: float, start: float) -> None:
     """Places whose difference is a number are rounded too: 0.3 - 0.1 - 0.2 is no overlap, nor is what is left of it at 1e6 m."""
     R, o = Rotation.from_rotvec([0.4, -0.9, 1.3]).as_matrix(), shift * np.array([0.3, -0.7, 0.6])
@@ -1056,8 +1053,7 @@ def test_a_box_that_is_pushed_harder_and_harder_slides_or_tips_and_nothing_else_
     assert {word.split()[0] for word in told} == ({"slides"} if slides < tips else {"open", "off"})
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-4, 1e5])
-@pytest.mark.parametrize("restitution", [0.3, 0.6])
+@each_value(("size", [1.0, 1e-4, 1e5]), ("restitution", [0.3, 0.6]))
 def test_bounces_without_end_on_what_moves_have_the_work_of_its_drive(size: float, restitution: float) -> None:
     """A table goes up and down under a particle that comes to rest on it: also while its bounces are bridged it is borne."""
     scene = ac.System()

@@ -37,6 +37,7 @@ from components import (
     World,
 )
 from tests.drawn import SEEDS, Drawn
+from tests.pairings import each_value
 
 
 def boxes(first: float, second: float, opens: float, size: float = 1.0) -> tuple[ac.System, ac.Model]:
@@ -161,8 +162,7 @@ def arm(length: float, m: float) -> ac.System:
     return scene
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.7, np.pi / 2])
-@pytest.mark.parametrize("kind", [PointLatch, Latch])
+@each_value(("angle", [0.0, 0.7, np.pi / 2]), ("kind", [PointLatch, Latch]))
 def test_pendulum_is_caught_at_a_wall_and_falls_again(angle: float, kind: type[PointLatch] | type[Latch]) -> None:
     # one freedom only, whatever many rows hold it; also where some of them do not move it
     length, m = 0.8, 1.3
@@ -503,9 +503,7 @@ class Governor(ac.Component):
         yield ac.when(self.excess, "rising", set={self.on: 1})
 
 
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
-@pytest.mark.parametrize("kind", [Latch, PointLatch, Gripper])
-@pytest.mark.parametrize("first", [True, False])
+@each_value(("size", [1e-3, 1.0, 1e3]), ("kind", [Latch, PointLatch, Gripper]), ("first", [True, False]))
 def test_a_lift_whose_rope_breaks_is_caught_by_its_brake(kind: type, size: float, first: bool) -> None:
     # what is held at the start does not move there, and is let go later: what rubs and what stops it has to be there from the start
     m, g, level, breaks = 400.0, 9.81, 1.5 * np.sqrt(size), 1.0 * np.sqrt(size)

@@ -34,6 +34,7 @@ from components import (
 )
 from examples.bicycle import Bicycle
 from tests.analysis_scenes import Motor, Top
+from tests.pairings import each_value
 from tests.scenes import DoublePendulum, FourBar, Pendulum, bennett_linkage
 from tests.similar import SCENES, Units
 
@@ -400,8 +401,7 @@ def test_wrong_questions_are_answered_in_words():
         model.linearize("home")  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("length", [1e-9, 1e-3, 1.0, 1e3, 1e9])
-@pytest.mark.parametrize("time", [1e-9, 1.0, 1e9])
+@each_value(("length", [1e-9, 1e-3, 1.0, 1e3, 1e9]), ("time", [1e-9, 1.0, 1e9]))
 def test_a_state_that_opens_a_loop_is_refused_in_any_unit(length: float, time: float):
     """What is rounded to eight digits is taken, what is off in the fourth is not: in positions and in velocities."""
     similar = SCENES["slider_crank"](Units(length=length, time=time))

@@ -9,6 +9,7 @@ import pytest
 from acausal.dynamics.mode_rows import Size
 from acausal.language.expression import Magnitude, Mode
 from acausal.reduce.magnitudes import Magnitudes
+from tests.pairings import each_value
 
 
 class Drawn:
@@ -40,8 +41,7 @@ class Drawn:
         return [ca.SX(own) for own in self.a], [ca.SX(own) for own in self.B]
 
 
-@pytest.mark.parametrize("count", [2, 3, 4])
-@pytest.mark.parametrize("most", [0.5, 0.95])
+@each_value(("count", [2, 3, 4]), ("most", [0.5, 0.95]))
 def test_sizes_that_depend_on_one_another_are_found_to_rounding(count: int, most: float) -> None:
     for seed in range(6):
         drawn = Drawn(count, most, seed)

@@ -18,6 +18,7 @@ from acausal.parts.placement import Placement
 from acausal.parts.pose import symbolic
 from components import Clutch, Inertia, Particle, RigidBody, VelocitySource, World
 from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
+from tests.pairings import each_value
 from tests.rough import Floor, Rub
 from tests.scenes import Pendulum
 
@@ -49,8 +50,7 @@ def changes(run: object) -> list[float]:
     return [change.time for change in met.changes if change.row >= 0]
 
 
-@pytest.mark.parametrize("restitution", [1.0, 0.9, 0.5, 0.1])
-@pytest.mark.parametrize("size", [1.0, 1e-9, 1e6])
+@each_value(("restitution", [1.0, 0.9, 0.5, 0.1]), ("size", [1.0, 1e-9, 1e6]))
 def test_ball_bounces_as_parabolas_do(restitution: float, size: float) -> None:
     scene = bouncing(restitution, mass=3e-4, gravity=9.81 * size)
     fall = np.sqrt(2 / 9.81)
@@ -111,8 +111,7 @@ def heights(course: str, by: float) -> tuple[Any, dict[ac.Input, Any]]:
 COURSES = ["after", "from", "bent", "input after", "input from", "input bent"]
 
 
-@pytest.mark.parametrize("course", COURSES)
-@pytest.mark.parametrize("size", [1.0, 1e-7])
+@each_value(("course", COURSES), ("size", [1.0, 1e-7]))
 def test_floor_that_drops_at_once_lets_fall_what_stood_on_it(course: str, size: float) -> None:
     height, inputs = heights(course, -0.05 * size)
     scene = stepping(height, size)
@@ -183,8 +182,7 @@ def test_belt_begins_to_run_however_it_is_said_when(condition: str, seed: int) -
     assert run[scene.mass.s][-1] == pytest.approx(there, rel=1e-11)
 
 
-@pytest.mark.parametrize("course", COURSES)
-@pytest.mark.parametrize("size", [1.0, 1e-7])
+@each_value(("course", COURSES), ("size", [1.0, 1e-7]))
 def test_floor_that_jumps_into_what_stands_on_it_is_refused_by_part_and_line(course: str, size: float) -> None:
     height, inputs = heights(course, 0.01 * size)
     scene = stepping(height, size)
@@ -369,8 +367,9 @@ def sliding(friction: float, slope: float) -> ac.System:
     return scene
 
 
-@pytest.mark.parametrize("friction", [0.37, 0.5, 1.0, 3.0, 10.0])
-@pytest.mark.parametrize("velocity", [(1.0, 0.8), (0.3, 2.0), (-1.0, 0.1), (1.0, 0.0), (0.0, -1.0)])
+@each_value(
+    ("friction", [0.37, 0.5, 1.0, 3.0, 10.0]), ("velocity", [(1.0, 0.8), (0.3, 2.0), (-1.0, 0.1), (1.0, 0.0), (0.0, -1.0)])
+)
 def test_oblique_slide_on_an_incline_stops_when_it_should(friction: float, velocity: tuple[float, float]) -> None:
     scene = sliding(friction, 0.3)
     start = {scene.particle.point.position: np.zeros(3), scene.particle.point.velocity: np.array([*velocity, 0.0])}

@@ -24,6 +24,7 @@ from components import (
     TranslationSensor,
     World,
 )
+from tests.pairings import each_value
 from tests.rough import bouncing, dragged, rubbing
 
 
@@ -67,8 +68,7 @@ def test_block_rests_where_friction_holds_it_or_just_holds_it_no_more(start: flo
     assert ac.build(scene).equilibrium({scene.mass.s: start}).point.x == pytest.approx([rest, 0], abs=1e-12)
 
 
-@pytest.mark.parametrize("size", [1e-3, 1.0])
-@pytest.mark.parametrize(("start", "rest"), [(0.5, 0.5), (-0.9, -0.9), (3.0, 1.0), (-1.01, -1.0)])
+@each_value(("size", [1e-3, 1.0]), (("start", "rest"), [(0.5, 0.5), (-0.9, -0.9), (3.0, 1.0), (-1.01, -1.0)]))
 def test_block_on_a_slide_rests_by_what_that_bears_though_something_is_remembered_too(
     start: float, rest: float, size: float
 ) -> None:

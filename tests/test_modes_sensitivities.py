@@ -35,6 +35,7 @@ from components import (
     World,
 )
 from components.translational import ForceSource, SlidingMass, TranslationalGround, TranslationalSpring
+from tests.pairings import each_value
 from tests.rough import Floor, Rub
 
 EXACT = {"rtol": 1e-12}
@@ -611,8 +612,10 @@ def test_derivatives_that_fail_promise_no_motion() -> None:
     assert failed.value.trajectory is None and "trajectory" not in str(failed.value)
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-3, 1e4])
-@pytest.mark.parametrize(("mu", "mass", "growth", "angle"), [(0.3, 2.0, 9.0, 0.0), (0.5, 2.0, 5.1, 2.0), (0.12, 1.7, 7.3, -0.7)])
+@each_value(
+    ("size", [1.0, 1e-3, 1e4]),
+    (("mu", "mass", "growth", "angle"), [(0.3, 2.0, 9.0, 0.0), (0.5, 2.0, 5.1, 2.0), (0.12, 1.7, 7.3, -0.7)]),
+)
 def test_what_a_growing_push_sets_in_motion_has_the_derivatives_of_its_closed_form(mu, mass, growth, angle, size):
     """|x| = F / (6 m) (t - mu m g / F)^3 along the push F t: slip begins as slowly as its square, in a direction that then no longer is held, and of nothing is told that it only just happens.
     As long as it is held its derivative is none: that of the angle is off by what comes of these some 1e-4 s."""

@@ -14,6 +14,7 @@ import acausal as ac
 from acausal.errors import LockedError
 from acausal.simulate.trajectory import Trajectory
 from components import Revolute, RigidBody, Rod, World
+from tests.pairings import each_value
 
 Loop = tuple[np.ndarray, np.ndarray]
 """Points (n, 3) and axes (n, 3) of hinges, closed by the ground."""
@@ -136,8 +137,7 @@ def test_dimensions_that_fit_let_a_linkage_move_as_one_freedom(make: Callable[[n
     assert scene.gap(run) < 1e-13 and run.energy_error() < 1e-9
 
 
-@pytest.mark.parametrize("far", [1e4, 1e6, 1e8])
-@pytest.mark.parametrize("make", [bennett, plane_symmetric])
+@each_value(("far", [1e4, 1e6, 1e8]), ("make", [bennett, plane_symmetric]))
 def test_what_is_drawn_far_away_loses_the_digits_of_its_drawing_only(make: Callable[[np.random.Generator], Loop], far: float):
     """Places so far from the origin are rounded, and then nothing fits better: what rows that follow from others miss these by must not push the motion."""
     points, axes = make(np.random.default_rng([0, 8]))

@@ -18,6 +18,7 @@ from acausal.runtime.kernels import paired
 from acausal.runtime.load import runtime
 from acausal.simulate.trajectory import Trajectory
 from components import Particle, Prismatic, Revolute, RigidBody, Rod, World
+from tests.pairings import each_value
 from tests.scenes import rotation
 from tests.test_interpreter import kernel_values
 from tests.test_singular_loops import connected, drawn, four_bar
@@ -195,17 +196,19 @@ def test_of_two_flat_positions_one_may_fit_and_one_miss(off: float):
         assert right or not alone, rtol
 
 
-@pytest.mark.parametrize(
-    ("bars", "off"),
-    [
-        ((1.0, 1.0, 0.6, 0.6), (0.0, 4.4e-8, -4.4e-8, 0.0)),
-        ((1.0, 1.0, 0.6, 0.6), (0.0, 1e-3, -1e-3, 0.0)),
-        ((1.0, 0.6, 0.6, 1.0), (0.0, 0.0, 1.2e-12, -1.2e-12)),
-        ((1.0, 0.2, 0.7, 0.5), (2.5e-13, 0.0, -2.5e-13, 0.0)),
-        ((1.0, 0.5, 0.9, 0.6), (4.6e-7, 0.0, 4.6e-7, 0.0)),
-    ],
+@each_value(
+    (
+        ("bars", "off"),
+        [
+            ((1.0, 1.0, 0.6, 0.6), (0.0, 4.4e-8, -4.4e-8, 0.0)),
+            ((1.0, 1.0, 0.6, 0.6), (0.0, 1e-3, -1e-3, 0.0)),
+            ((1.0, 0.6, 0.6, 1.0), (0.0, 0.0, 1.2e-12, -1.2e-12)),
+            ((1.0, 0.2, 0.7, 0.5), (2.5e-13, 0.0, -2.5e-13, 0.0)),
+            ((1.0, 0.5, 0.9, 0.6), (4.6e-7, 0.0, 4.6e-7, 0.0)),
+        ],
+    ),
+    ("side", [1, -1]),
 )
-@pytest.mark.parametrize("side", [1, -1])
 def test_wherever_else_a_four_bar_is_flat_it_fits_or_misses_on_its_own(bars, off, side):
     """Ground, crank, coupler and rocker, all drawn flat, where they fit or not."""
     lengths = np.add(bars, off)
@@ -229,8 +232,7 @@ def test_lengths_that_fit_to_rounding_are_a_crossing_and_others_are_none():
         assert (exact.through is Through.ALWAYS) is singular
 
 
-@pytest.mark.parametrize("turn", [0, 3])
-@pytest.mark.parametrize("built", [0.36, 0.45, 0.4])
+@each_value(("turn", [0, 3]), ("built", [0.36, 0.45, 0.4]))
 def test_functions_tell_lengths_that_come_to_fit_and_to_miss(built, turn):
     """A step of a four-bar that was built with another rocker is refused where the loop now passes a crossing, or misses one that it passed."""
     R = rotation(turn) if turn else np.eye(3)

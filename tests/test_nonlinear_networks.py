@@ -13,6 +13,7 @@ from scipy.optimize import brentq, root
 
 import acausal as ac
 from components import Capacitor, Diode, Ground, Resistor, VoltageSource
+from tests.pairings import each_value
 
 LAWS: dict[str, Callable] = {
     "sinh": lambda y, d: y + np.sinh(d * y),
@@ -74,8 +75,7 @@ def by_plain_numbers(seed: int) -> np.ndarray:
     ).y
 
 
-@pytest.mark.parametrize("decades", [0.0, 6.0])
-@pytest.mark.parametrize("seed", range(12))
+@each_value(("decades", [0.0, 6.0]), ("seed", range(12)))
 def test_what_other_quantities_follow_from_starts_where_it_was_told_to(seed: int, decades: float):
     """Nothing but these say what the others are at the start, however their equations are nested."""
     drawn, units = (

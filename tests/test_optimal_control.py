@@ -46,6 +46,7 @@ from components import (
     VelocitySource,
     World,
 )
+from tests.pairings import each_value
 from tests.scenes import FourBar
 
 
@@ -302,8 +303,9 @@ def test_a_bounded_path(expression: bool) -> None:
     assert np.min(np.abs(best.mesh.nodes - 1 / 3)) < 1e-3  # where it arrives
 
 
-@pytest.mark.parametrize(("controls", "intervals"), [("free", 7), ("constant", 10)])
-@pytest.mark.parametrize(("size", "of"), [(1e-6, 1.0), (1e6, 1.0), (1e-6, 3.0)])
+@each_value(
+    (("controls", "intervals"), [("free", 7), ("constant", 10)]), (("size", "of"), [(1e-6, 1.0), (1e6, 1.0), (1e-6, 3.0)])
+)
 def test_nodes_move_to_where_a_force_switches(size: float, of: float, controls: str, intervals: int) -> None:
     """Full force, at most this speed, full brake: distance / speed + speed / force, with switches between the nodes of the first mesh. That says itself how
     far from it is; and is the same where expressions (`of` times a variable) are bounded.
@@ -519,8 +521,7 @@ class Slide(ac.System):
         self.bead = Bead(self.angle)
 
 
-@pytest.mark.parametrize(("along", "down"), [(3.0, 1.2), (1.0, 2.0)])
-@pytest.mark.parametrize("bounded", [True, False])
+@each_value((("along", "down"), [(3.0, 1.2), (1.0, 2.0)]), ("bounded", [True, False]))
 def test_a_bead_slides_down_in_least_time_where_all_states_are_scalars(along: float, down: float, bounded: bool) -> None:
     """The cycloid of Johann Bernoulli: radius (angle - sin angle, 1 - cos angle), in the time angle sqrt(radius / g). Angles of points that are whole turns
     apart are the same slopes, but not between the points.
@@ -606,16 +607,18 @@ def test_the_largest_cost_of_all_is_no_least_one() -> None:
         ocp.solve(5)
 
 
-@pytest.mark.parametrize(
-    ("size", "least", "most", "speed", "controls"),
-    [
-        (1.0, -0.8, 0.5, 0.0, "free"),
-        (4e-6, -0.2, 0.9, -0.2, "constant"),
-        (6e5, -0.2, 0.9, 0.0, "constant"),
-        (1e-6, -0.5, 0.9, 0.0, "free"),
-    ],
+@each_value(
+    (
+        ("size", "least", "most", "speed", "controls"),
+        [
+            (1.0, -0.8, 0.5, 0.0, "free"),
+            (4e-6, -0.2, 0.9, -0.2, "constant"),
+            (6e5, -0.2, 0.9, 0.0, "constant"),
+            (1e-6, -0.5, 0.9, 0.0, "free"),
+        ],
+    ),
+    ("kind", [0, 1, 2]),
 )
-@pytest.mark.parametrize("kind", [0, 1, 2])
 def test_a_cost_that_is_bent_downwards_is_least_at_one_of_its_ends(
     size: float, least: float, most: float, speed: float, controls: str, kind: int
 ) -> None:
@@ -1106,8 +1109,10 @@ def test_other_solvers_find_what_ipopt_finds(problem: Callable[[], ac.OptimalCon
     assert all(best.iterations < least for best, least in zip(found, most.values(), strict=True))
 
 
-@pytest.mark.parametrize("problem", [up_with_bounded_reactions, a_turn_of_a_four_bar, cart_pole])
-@pytest.mark.parametrize(("intervals", "controls"), [(5, "free"), (8, "constant")])
+@each_value(
+    ("problem", [up_with_bounded_reactions, a_turn_of_a_four_bar, cart_pole]),
+    (("intervals", "controls"), [(5, "free"), (8, "constant")]),
+)
 def test_a_program_in_stages_is_the_same_program(problem: Callable[[], ac.OptimalControl], intervals: int, controls: str) -> None:
     """The same cost and constraints anywhere, rows that carry on what intervals begin with are met, and each stage knows its own and that before alone."""
     program = whole([problem().part(Mesher(intervals, 5, controls, "fatrop"))], []).program
@@ -1518,8 +1523,7 @@ class Interrupting(ca.Callback):
         return [0.0]
 
 
-@pytest.mark.parametrize(("which", "at"), [("_gradient", 3), ("_jacobian", 4), ("_hessian", 6)])
-@pytest.mark.parametrize("solver", ["ipopt", "piqp", "fatrop"])
+@each_value((("which", "at"), [("_gradient", 3), ("_jacobian", 4), ("_hessian", 6)]), ("solver", ["ipopt", "piqp", "fatrop"]))
 def test_an_interrupted_search_hands_over_its_iterate(solver: str, at: int, which: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Wherever Ctrl-C comes among evaluations; where there are steps already, what they have come to."""
     made, interrupting = getattr(Program, which).func, Interrupting(at)
@@ -1705,15 +1709,17 @@ def test_an_input_that_is_held_leaves_its_own_motion_and_nothing_is_said_beside(
     assert not "".join(capfd.readouterr())
 
 
-@pytest.mark.parametrize("unit", [1e-6, 1.0, 1e3])
-@pytest.mark.parametrize(
-    ("place", "speed", "words"),
-    [
-        (ac.free(3, 4), 0.0, "rail.q is to be between 3 and 4 at the start, but is bounded to between -1 and 2"),
-        (5.0, ac.free(-1, 1), "rail.q is to be 5 at the start, but is bounded to between -1 and 2"),
-        (1.0, ac.free(1.5, 4), "rail.v is to be between 1.5 and 4 at the start, but is bounded to between -1 and 1"),
-        (ac.free(1, 4), ac.free(0, 4), None),
-    ],
+@each_value(
+    ("unit", [1e-6, 1.0, 1e3]),
+    (
+        ("place", "speed", "words"),
+        [
+            (ac.free(3, 4), 0.0, "rail.q is to be between 3 and 4 at the start, but is bounded to between -1 and 2"),
+            (5.0, ac.free(-1, 1), "rail.q is to be 5 at the start, but is bounded to between -1 and 2"),
+            (1.0, ac.free(1.5, 4), "rail.v is to be between 1.5 and 4 at the start, but is bounded to between -1 and 1"),
+            (ac.free(1, 4), ac.free(0, 4), None),
+        ],
+    ),
 )
 def test_a_start_beside_its_bounds_is_refused_by_name_where_something_of_it_is_free(
     unit: float, place: float | ac.free, speed: float | ac.free, words: str | None

@@ -29,6 +29,7 @@ from components import (
     World,
 )
 from examples.control import compass_gait
+from tests.pairings import each_value
 from tests.similar import Units, four_bar_scene, slider_crank
 
 
@@ -485,8 +486,10 @@ def hopper(length: float, mass: float, time: float) -> ac.Phases:
     return hop
 
 
-@pytest.mark.parametrize(("length", "mass", "time"), [(4.0**-5, 4.0**-4, 2.0**-5), (256.0, 64.0, 4.0)])
-@pytest.mark.parametrize(("problem", "intervals"), [(rod_that_swings_over, 6), (hopper, 5)])
+@each_value(
+    (("length", "mass", "time"), [(4.0**-5, 4.0**-4, 2.0**-5), (256.0, 64.0, 4.0)]),
+    (("problem", "intervals"), [(rod_that_swings_over, 6), (hopper, 5)]),
+)
 def test_similar_scenes_are_searched_alike(problem: Any, intervals: int, length: float, mass: float, time: float) -> None:
     """In metres, millimetres and kilometres, in grams and tons, slow and fast: powers of two change no digit on the way."""
     one, other = (problem(*sizes).solve(intervals, refinements=0) for sizes in ((1.0, 1.0, 1.0), (length, mass, time)))

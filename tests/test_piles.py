@@ -30,6 +30,7 @@ from components import (
     Sphere,
     World,
 )
+from tests.pairings import each_value
 
 G = 9.81
 Walls = tuple[tuple[tuple[float, float], tuple[float, float]], ...]  # points and normals (x, z), in units of the size
@@ -244,8 +245,7 @@ def stack(size: float, turning: bool) -> tuple[ac.System, dict[ac.Expression, tu
     return scene, {ball.frame.position: tuple(size * x for x in place) for ball, place in zip(scene.balls, places, strict=True)}
 
 
-@pytest.mark.parametrize("size", [1e-6, 1.0, 1e5])
-@pytest.mark.parametrize("rtol", [1e-6, 1e-12])
+@each_value(("size", [1e-6, 1.0, 1e5]), ("rtol", [1e-6, 1e-12]))
 def test_spins_that_are_nothing_but_rounding_of_blows_do_not_shorten_steps(size: float, rtol: float) -> None:
     """Bounces without end leave them at 1e-18, where rounding moves them more than any tolerance allows."""
     ends = []
@@ -257,8 +257,7 @@ def test_spins_that_are_nothing_but_rounding_of_blows_do_not_shorten_steps(size:
     assert ends[0] == pytest.approx(ends[1], abs=max(1e-8, 100 * rtol))
 
 
-@pytest.mark.parametrize("order", [1, -1])
-@pytest.mark.parametrize("size", [1e-4, 1.0, 1e3])
+@each_value(("order", [1, -1]), ("size", [1e-4, 1.0, 1e3]))
 def test_what_slides_goes_on_while_something_else_comes_to_rest(size: float, order: int) -> None:
     """A block bounces to rest without slip, and is pushed along from t = 1 s to 1.2 s with twice its friction; another one bounces until 1.35 s, when the first one slides yet."""
     scene = ac.System()

@@ -29,6 +29,7 @@ from components import (
     World,
 )
 from tests.exported import INPUT, OPEN_START, STATE, SUCCESS, Library
+from tests.pairings import each_value
 
 SIZES = [1e-3, 1.0, 1e3]
 UP = (0.0, 0.0, -9.81)
@@ -60,8 +61,7 @@ COURSES: dict[str, Any] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("kind", [AngleSource, PositionSource])
-@pytest.mark.parametrize("form", list(COURSES))
+@each_value(("kind", [AngleSource, PositionSource]), ("form", list(COURSES)))
 def test_a_course_moves_a_joint_alike_in_each_form(kind: Any, form: str) -> None:
     given = ac.Input("rad" if kind is AngleSource else "m")
     scene, model = led(kind, given)
@@ -193,8 +193,7 @@ def carried(size: float, turned_round: bool = False) -> Any:
     return scene
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("turned_round", [False, True])
+@each_value(("size", SIZES), ("turned_round", [False, True]))
 def test_a_carried_end_of_a_loop_meets_its_closed_form(size: float, turned_round: bool) -> None:
     scene = carried(size, turned_round)
     a = scene.hinges[0]

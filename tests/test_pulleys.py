@@ -25,6 +25,7 @@ from components import (
     TorqueSource,
     World,
 )
+from tests.pairings import each_value
 
 G = 9.81
 SIZES = [1e-3, 1.0, 1e3]
@@ -78,9 +79,7 @@ def test_a_crossed_belt_has_its_known_length(size: float) -> None:
     assert abs(found - wanted) < 1e-14 * size * 10
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("mass", [0.0, 3.0])
-@pytest.mark.parametrize("turned", [False, True])
+@each_value(("size", SIZES), ("mass", [0.0, 3.0]), ("turned", [False, True]))
 def test_atwoods_machine_with_a_pulley(size: float, mass: float, turned: bool) -> None:
     """a = g (m1 - m2) / (m1 + m2 + J / r^2), whichever end comes first; two pulls where the pulley has inertia."""
     m1, m2, r = 2.0, 1.0, 0.2 * size
@@ -142,8 +141,7 @@ def test_a_pendulum_winds_itself_around_a_cylinder(size: float) -> None:
     assert run.energy_error() < 1e-10
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("masses", [(0.0, 0.0), (0.4, 0.9)])
+@each_value(("size", SIZES), ("masses", [(0.0, 0.0), (0.4, 0.9)]))
 def test_a_tackle_of_a_loose_and_a_fixed_pulley(size: float, masses: tuple[float, float]) -> None:
     """From the ceiling around the load's pulley, up over a fixed one, down to a weight; all pieces hang straight.
 

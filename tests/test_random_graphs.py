@@ -43,6 +43,7 @@ from tests.formulations import (
     velocities,
 )
 from tests.momentum import angular_momentum, linear_momentum
+from tests.pairings import each_value
 from tests.random_sketches import SKETCHES, floats, orientation, random_sketch
 
 Rng = np.random.Generator
@@ -339,8 +340,7 @@ def test_what_longer_searches_found(kinds, growth, actions, seed):
         begins_at_the_sketch(model)
 
 
-@pytest.mark.parametrize("seed", [0, 4, 8])
-@pytest.mark.parametrize("kind", ["Revolute", "Prismatic", "Spherical", "Cylindrical", "Screw"])
+@each_value(("seed", [0, 4, 8]), ("kind", ["Revolute", "Prismatic", "Spherical", "Cylindrical", "Screw"]))
 def test_a_body_on_two_joints_that_are_one_moves_as_on_one(kind, seed):
     """A door on two hinges, drawn askew: what the second asks for is rounding errors alone, and decides nothing."""
     sketch = random_sketch([kind], ["twin"], 0, False, seed)

@@ -63,6 +63,7 @@ from components import (
     World,
 )  # fmt: skip
 from tests.bad_input.messages import four_bar, pendulum_with
+from tests.pairings import each_value
 from tests.scenes import Pendulum
 
 G = 9.81
@@ -363,8 +364,7 @@ def test_a_bearing_brakes_by_the_force_that_it_carries():
     assert np.max(np.abs(ends[0][-1])) < 0.9
 
 
-@pytest.mark.parametrize("size", [1.0, 1e-6, 1e5])
-@pytest.mark.parametrize("share", [-0.7, 0.4, 3.0])
+@each_value(("size", [1.0, 1e-6, 1e5]), ("share", [-0.7, 0.4, 3.0]))
 def test_a_force_follows_what_a_sensor_measures(share, size):
     """What a sledge m passes on to a mass M, f = M a, with the push F + c f, and with F + c f^2 / F: (m + M) a = F + c M a, and (M c / F) f^2 - (m + M) f + M F = 0."""
     m, M, F = 2.0, 3.0, 4.0 * size
@@ -478,8 +478,7 @@ def test_parts_on_shafts_that_change_keep_the_balance_of_energy(part, reading):
     assert np.ptp(run[scene.hinge.q]) > 0.05
 
 
-@pytest.mark.parametrize("kind", ["linear", "bspline"])
-@pytest.mark.parametrize("dimensions", [1, 2, 3])
+@each_value(("kind", ["linear", "bspline"]), ("dimensions", [1, 2, 3]))
 def test_interpolants_of_casadi_are_formulas(kind, dimensions):
     """The same numbers as CasADi's own function, also outside of the table."""
     rng = np.random.default_rng(dimensions)

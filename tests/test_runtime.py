@@ -23,6 +23,7 @@ from acausal.runtime import native
 from acausal.runtime.integrand import Integrand
 from acausal.runtime.native import native_problem
 from components import NonlinearSpring, Particle, Revolute, RigidBody, RollingDisk, Spring, Torque, World
+from tests.pairings import each_value
 from tests.scenes import DoublePendulum, FourBar, chain
 from tests.test_integrators import problem
 
@@ -53,8 +54,7 @@ STEPS = {  # steps in one second at which the leading error stands above roundin
 }  # fmt: skip
 
 
-@pytest.mark.parametrize(("method", "order"), STEPS)
-@pytest.mark.parametrize("scene", [pendulum, four_bar, disk])
+@each_value((("method", "order"), STEPS), ("scene", [pendulum, four_bar, disk]))
 def test_order_on_trees_loops_and_rolling(scene, method, order):
     model, start = scene()
     steps = STEPS[method, order]

@@ -28,6 +28,7 @@ from components import (
 )
 from tests.formulations import composed, script
 from tests.hard_cases import CASES
+from tests.pairings import each_value
 from tests.random_sketches import random_sketch
 from tests.scenes import Pendulum, SprungBody
 
@@ -335,10 +336,12 @@ def test_derivatives_through_a_singular_position_are_told_to_lose_digits():
         case.model.sensitivities([0.0, case.end], [speed], case.start)
 
 
-@pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-12])
-@pytest.mark.parametrize(
-    ("kinds", "seed"),
-    [(["RollingTorus", "Universal", "RollingBall"], 104), (["CartesianTranslation", "RollingDisk", "Planar"], 342)],
+@each_value(
+    ("rtol", [1e-4, 1e-8, 1e-12]),
+    (
+        ("kinds", "seed"),
+        [(["RollingTorus", "Universal", "RollingBall"], 104), (["CartesianTranslation", "RollingDisk", "Planar"], 342)],
+    ),
 )
 def test_what_falls_freely_together_does_not_depend_on_its_masses(kinds, seed, rtol):
     """All that depends on a mass cancels, and what is left of it, rounding alone, is followed by no step."""

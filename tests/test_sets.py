@@ -39,6 +39,7 @@ from components import (
     World,
 )
 from components.translational import ForceSource, SlidingMass, TranslationalGround
+from tests.pairings import each_value
 
 
 def times(run: Any) -> np.ndarray:
@@ -154,8 +155,7 @@ def falling(mass: float = 2.0, gravity: float = 9.81) -> ac.System:
     return scene
 
 
-@pytest.mark.parametrize("direction", ["falling", "both"])
-@pytest.mark.parametrize("size", [1.0, 1e-9, 1e6])
+@each_value(("direction", ["falling", "both"]), ("size", [1.0, 1e-9, 1e6]))
 def test_ball_that_is_set_bounces_as_one_that_strikes(direction: str, size: float) -> None:
     free, struck = falling(gravity=9.81 * size), falling(gravity=9.81 * size)
     struck.floor = EndStop(struck.mass.flange_a, lower=0.0, restitution=0.8)
@@ -484,9 +484,7 @@ def test_minimal_models_refuse_what_is_set() -> None:
         ac.build(free).minimal({free.mass.s: 1.0}).simulate(1.0, events=[ac.when(free.mass.s, set={free.mass.v: 0.0})])
 
 
-@pytest.mark.parametrize("method", ["gauss", "radau"])
-@pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-12])
-@pytest.mark.parametrize("size", [1.0, 1e-3])
+@each_value(("method", ["gauss", "radau"]), ("rtol", [1e-4, 1e-8, 1e-12]), ("size", [1.0, 1e-3]))
 def test_what_a_motion_keeps_at_zero_sets_nothing(method: str, rtol: float, size: float) -> None:
     """The energy against that of the start: what the tolerance makes of it passes nothing, in either direction; a small multiple of what moves does."""
     scene = ac.System()

@@ -17,6 +17,7 @@ from components import Prismatic, Revolute, RigidBody, Rod, RotationalDamper, Ro
 from tests.formulations import composed, script
 from tests.hard_cases import CASES
 from tests.linkages import hart, peaucellier, scissors
+from tests.pairings import each_value
 from tests.scenes import FourBar, rotation
 from tests.similar import SCENES, Units
 from tests.test_formulations import bennett, line_symmetric, orthogonal
@@ -251,8 +252,7 @@ class Cranks(ac.System):
             connected(self, [(foot, self.world.at(at), crank.frame), (head, crank.tip, self.bar.at(at))])
 
 
-@pytest.mark.parametrize("rtol", [1e-6, 1e-9, 1e-12])
-@pytest.mark.parametrize("count", [2, 4])
+@each_value(("rtol", [1e-6, 1e-9, 1e-12]), ("count", [2, 4]))
 def test_a_bar_on_many_cranks_turns_evenly(count, rtol):
     """A hundred and sixty passes in 100 s, in long steps."""
     scene = Cranks(count)
@@ -314,8 +314,7 @@ KITES = [(1, (0.6, 0.6, 1)), (0.6, (0.6, 1, 1)), (1, (1, 0.6, 0.6)), (1, (0.3, 0
 CHANGE_POINTS = [(1, (0.5, 0.9, 0.6)), (0.5, (0.6, 1, 0.9)), (0.9, (0.5, 1, 0.6)), (1, (0.9, 0.5, 0.6)), (1, (0.2, 0.7, 0.5))]
 
 
-@pytest.mark.parametrize("side", [1, -1])
-@pytest.mark.parametrize(("ground", "lengths"), KITES + CHANGE_POINTS)
+@each_value(("side", [1, -1]), (("ground", "lengths"), KITES + CHANGE_POINTS))
 def test_each_four_bar_with_a_change_point_goes_on_along_its_branch(ground, lengths, side):
     """Energy to the tolerance, and the same motion at each."""
     scene = four_bar(ground, lengths)
@@ -328,8 +327,7 @@ def test_each_four_bar_with_a_change_point_goes_on_along_its_branch(ground, leng
     assert max(np.max(np.abs(runs[0][q] - runs[1][q])) for q in (scene.a.q, scene.d.q)) < 1e-6
 
 
-@pytest.mark.parametrize("off", [0.0, 1e-9, 1e-4])
-@pytest.mark.parametrize(("ground", "lengths"), [KITES[2], CHANGE_POINTS[2]])
+@each_value(("off", [0.0, 1e-9, 1e-4]), (("ground", "lengths"), [KITES[2], CHANGE_POINTS[2]]))
 def test_minimal_coordinates_go_through_and_past_as_all_coordinates_do(ground, lengths, off):
     """A chart that is followed through a change point, or closely past one, comes out on any branch."""
     ground *= 1 + off

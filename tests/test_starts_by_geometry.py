@@ -39,6 +39,7 @@ from components import (
     World,
 )
 from tests.assembly_scenes import closed, five_bar, rssr, slider_crank, stewart_platform, two_rods_to_a_driven_pivot
+from tests.pairings import each_value
 from tests.scenes import FourBar, bennett_linkage
 from tests.test_electrical import series
 from tests.test_singular_loops import FourBars
@@ -142,8 +143,7 @@ def in_plain_words(names: tuple[str, ...], known: dict[str, str]) -> tuple[str, 
     return tuple(found)
 
 
-@pytest.mark.parametrize("rough", [0.0, 0.3])
-@pytest.mark.parametrize("kind", ["parallelogram", "four-bar with springs", "three equal legs", "two rods"])
+@each_value(("rough", [0.0, 0.3]), ("kind", ["parallelogram", "four-bar with springs", "three equal legs", "two rods"]))
 def test_order_and_names_of_declaration_change_no_bit(kind, rough):
     """Of the branch, the rows that are dropped, the states, and the motion."""
     sketch, seen = linkage(kind, np.random.default_rng(3), rough), set[Any]()
@@ -188,8 +188,7 @@ def test_the_branch_nearest_to_a_rough_sketch_is_taken(name):
                 assert taken <= np.linalg.norm(apart(other.y)[0]) * (1 + 1e-4) + 1e-6
 
 
-@pytest.mark.parametrize("side", [1.0, -1.0])
-@pytest.mark.parametrize("wished", [0, 2])
+@each_value(("side", [1.0, -1.0]), ("wished", [0, 2]))
 def test_of_branches_as_near_as_each_other_that_to_which_near_values_lead_is_taken(wished, side):
     """Cranks drawn upright that are to lie flat: each could to either side, and the bars between them over or under."""
     scene = FourBars()

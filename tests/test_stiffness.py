@@ -35,6 +35,7 @@ from components import (
     World,
 )  # fmt: skip
 from tests.hard_cases import CASES
+from tests.pairings import each_value
 
 
 def linear(J: np.ndarray) -> Problem:
@@ -210,8 +211,7 @@ def swung_as_one() -> float:
     return ac.build(scene).simulate(2.0, {scene.hinge.q: 1.0}, rtol=1e-12)[scene.hinge.q][-1]
 
 
-@pytest.mark.parametrize("damping", [0.0, 1e2, 3e4, 3e6])
-@pytest.mark.parametrize("stiffness", [1e6, 1e8, 1e10])
+@each_value(("damping", [0.0, 1e2, 3e4, 3e6]), ("stiffness", [1e6, 1e8, 1e10]))
 def test_a_start_at_rest_in_what_is_stiff_is_no_rounding(stiffness: float, damping: float) -> None:
     """The first steps are far too long for fixed-point iteration, whose divergence must not be taken for rounding: the pendulum is that of one rigid rod."""
     exact, elbow = swung_as_one(), StiffElbow(stiffness, damping)
@@ -249,8 +249,7 @@ def built(make: Callable[[], Made]) -> tuple[ac.Model, Mapping[Any, Any], float]
     return ac.build(scene), start, end
 
 
-@pytest.mark.parametrize("method", ["auto", "gauss", "radau"])
-@pytest.mark.parametrize("rtol", [1e-13, 1e-10])
+@each_value(("method", ["auto", "gauss", "radau"]), ("rtol", [1e-13, 1e-10]))
 def test_a_net_at_rest_in_its_plane_starts_at_any_tolerance(rtol: float, method: str) -> None:
     """Its threads begin at rounding; a first try that is off by a hundred times its tolerance still tells what rounding is there."""
     model, start, _ = built(SCENES["stiff_net"])
@@ -296,8 +295,7 @@ def pulled(count: int, damping: float, spread: float) -> tuple[Problem, np.ndarr
     return linear(J), start, scipy.linalg.expm(0.02 * J) @ start
 
 
-@pytest.mark.parametrize("row", [(40, 1e4, 1.0), (150, 1e3, 3.0), (300, 1e3, 1.0)])
-@pytest.mark.parametrize("method", ["auto", "gauss", "radau"])
+@each_value(("row", [(40, 1e4, 1.0), (150, 1e3, 3.0), (300, 1e3, 1.0)]), ("method", ["auto", "gauss", "radau"]))
 def test_however_many_states_are_at_rest_behind_what_is_stiff_the_motion_is_exact(
     row: tuple[int, float, float], method: str
 ) -> None:

@@ -34,6 +34,7 @@ from components import (
     World,
 )
 from tests.drawn import SEEDS, Drawn
+from tests.pairings import each_value
 
 SIZES = [1.0, 1e-9, 1e6]
 """Of lengths, times and masses stay."""
@@ -49,8 +50,7 @@ def jumps(run: Any) -> list[float]:
     return [change.time for change in run.solution.modes.changes if change.jumped]
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("restitution", [1.0, 0.8, 0.3])
+@each_value(("size", SIZES), ("restitution", [1.0, 0.8, 0.3]))
 def test_ball_between_two_stops_strikes_when_it_must(restitution: float, size: float) -> None:
     """Speeds fall by the restitution at each strike, and so times grow: v_k = v e^k, T_k = L / v_k."""
     length, speed = 0.5 * size, 2.0 * size

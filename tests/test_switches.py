@@ -14,6 +14,7 @@ from scipy.interpolate import CubicSpline
 import acausal as ac
 from acausal.errors import SimulationError
 from components import AngleSource, Force, Particle, Prismatic, Revolute, RigidBody, World
+from tests.pairings import each_value
 
 METHODS = ["auto", "radau"]
 
@@ -58,8 +59,7 @@ def relay(t: np.ndarray, q0: float) -> np.ndarray:
     return side * (q0 - since**2 / 2)
 
 
-@pytest.mark.parametrize("method", METHODS)
-@pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-12])
+@each_value(("method", METHODS), ("rtol", [1e-4, 1e-8, 1e-12]))
 def test_parabolas_between_jumps_of_the_force_are_exact(method: str, rtol: float) -> None:
     for law in (
         lambda q, v, t: -ca.sign(q),
@@ -209,8 +209,7 @@ def test_input_that_jumps_right_to_where_a_switch_goes_over_is_compared_as_said(
     assert abs(run[scene.rail.v][-1] - sum(np.sign(level) if level else at_zero for level in course)) < 1e-12
 
 
-@pytest.mark.parametrize("end", [2.0, 0.7, 1e-3])
-@pytest.mark.parametrize("kind", ["casadi", "scipy", "formula"])
+@each_value(("end", [2.0, 0.7, 1e-3]), ("kind", ["casadi", "scipy", "formula"]))
 def test_a_table_that_ends_with_the_run_is_not_left_there(kind, end):
     """A given angle, whose table is zero, or nothing, as soon as it has ended."""
     knots = np.linspace(0, end, 11)

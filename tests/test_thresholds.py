@@ -16,6 +16,7 @@ from acausal.loops.self_stress import loop_reactions
 from acausal.numerics.independent import Independent
 from acausal.numerics.rivals import Candidate
 from components import AngleSource, CartesianTranslation, Fixed, Gear, Particle, Revolute, RigidBody, Rod, World
+from tests.pairings import each_value
 from tests.scenes import DoublePendulum, Pendulum, bennett_linkage
 from tests.similar import Units, four_bar_scene
 from tests.test_scale_decisions import drawn_flat
@@ -151,15 +152,17 @@ def test_of_reactions_that_rigid_bodies_leave_open_the_least_ones_are_given():
         assert free.size and np.max(np.abs(left)) < 5e-12 * np.linalg.norm(free) * np.linalg.norm(wrenches)
 
 
-@pytest.mark.parametrize(
-    ("lengths", "angle"),
-    [
-        ((0.3, 1.0, 0.7, 0.9), 0.7),
-        ((1.0, 1e3, 3.0, 999.0), 0.7),
-        *(((0.5, 1.0, 0.5, 1.0), -angle) for angle in (0.1, 1e-2, 1e-3)),
-    ],
+@each_value(
+    (
+        ("lengths", "angle"),
+        [
+            ((0.3, 1.0, 0.7, 0.9), 0.7),
+            ((1.0, 1e3, 3.0, 999.0), 0.7),
+            *(((0.5, 1.0, 0.5, 1.0), -angle) for angle in (0.1, 1e-2, 1e-3)),
+        ],
+    ),
+    ("size", [1.0, 1e-4]),
 )
-@pytest.mark.parametrize("size", [1.0, 1e-4])
 def test_hinges_of_a_four_bar_bear_no_torque_about_their_axes(lengths: tuple[float, ...], angle: float, size: float):
     """However different its lengths are, and however near to where it lies flat; and what they bear moves the bars as they move."""
     scene = ac.System()
@@ -203,8 +206,7 @@ def test_rigid_parts_fit_to_nine_digits_of_their_lengths(size: float, misfit: fl
         ac.build(scene)
 
 
-@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize(("off", "met"), [(1e-7, True), (1e-5, False)])
+@each_value(("size", [1e-6, 1.0, 1e6]), (("off", "met"), [(1e-7, True), (1e-5, False)]))
 def test_states_are_typed_to_six_digits(size: float, off: float, met: bool):
     scene = four_bar_scene(Units(length=size))
     model = ac.build(scene)

@@ -25,6 +25,7 @@ from components import (
     Touching,
     World,
 )
+from tests.pairings import each_value
 
 BOTH = pytest.mark.parametrize("compiled", [True, False])
 
@@ -48,8 +49,7 @@ def add_pendulum(scene: ac.System, name: str, length: float, mass: float, time: 
 
 
 @BOTH
-@pytest.mark.parametrize("power", [-15, 0, 15])
-@pytest.mark.parametrize("of", ["length", "mass", "time"])
+@each_value(("power", [-15, 0, 15]), ("of", ["length", "mass", "time"]))
 def test_similar_scenes_take_the_same_steps_to_the_same_bits(compiled, power, of):
     sizes = {"length": 1.0, "mass": 1.0, "time": 1.0}
 
@@ -83,8 +83,7 @@ def test_copies_of_different_size_in_one_system_move_as_each_alone(compiled):
 
 
 @BOTH
-@pytest.mark.parametrize("amplitude", [1e-9, 1e-3, 1e6])
-@pytest.mark.parametrize("hanging", [False, True])
+@each_value(("amplitude", [1e-9, 1e-3, 1e6]), ("hanging", [False, True]))
 def test_an_oscillation_of_any_size_is_as_accurate(compiled, amplitude, hanging):
     """x = a cos t, also about the position in which a weight hangs on its spring."""
     scene = ac.System()
@@ -173,8 +172,7 @@ def test_fast_decay_is_left_to_radau(compiled):
 
 
 @BOTH
-@pytest.mark.parametrize("jump", [0.0, 1.0, 3.0])
-@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+@each_value(("jump", [0.0, 1.0, 3.0]), ("size", [1e-6, 1.0, 1e6]))
 def test_a_force_that_begins_at_once_moves_what_rests(compiled, jump, size):
     """Nothing has a size until the jump: v = F (t - jump)."""
     scene = ac.System()

@@ -31,6 +31,7 @@ from components import (
     Universal,
     World,
 )
+from tests.pairings import each_value
 from tests.scenes import FourBar, bennett_linkage, rotation
 from tests.similar import SCENES, Units
 
@@ -109,8 +110,7 @@ def dusty(dust: float) -> ac.System:
     return scene
 
 
-@pytest.mark.parametrize("rate", [0.0, 9.0])
-@pytest.mark.parametrize("dust", [1e-1, 1e-4, 1e-6, 1e-8, 1e-9, 1e-12, 1e-20])
+@each_value(("rate", [0.0, 9.0]), ("dust", [1e-1, 1e-4, 1e-6, 1e-8, 1e-9, 1e-12, 1e-20]))
 def test_light_cranks_swing_and_whirl_as_those_without_mass(dust, rate):
     """At any tolerance, for any mass: the bar turns with its cranks as a point does; the whirling ones pass the position with all bars in one line."""
     light, heavy = parallelogram(RigidBody.rod(2.0, (1, 0, 0))), dusty(dust)
@@ -405,8 +405,10 @@ def plain_loads(name: str) -> np.ndarray:
     return loads(name, Units())
 
 
-@pytest.mark.parametrize("name", ["four_bar", "bennett_linkage"])
-@pytest.mark.parametrize("of", [Units(length=1e-9), Units(length=1e6, mass=1e-6), Units(length=1e3, time=1e3), Units(mass=1e9)])
+@each_value(
+    ("name", ["four_bar", "bennett_linkage"]),
+    ("of", [Units(length=1e-9), Units(length=1e6, mass=1e-6), Units(length=1e3, time=1e3), Units(mass=1e9)]),
+)
 def test_the_smallest_reactions_are_the_same_in_any_unit(name: str, of: Units):
     """Also those that rigid bodies do not determine: torques count beside forces by lengths of the loop, not by metres."""
 

@@ -54,6 +54,7 @@ from components import (
 )
 from components.contacts.nearness import nearness
 from components.geometry.surfaces import AbstractSurface
+from tests.pairings import each_value
 from tests.test_guides import on
 
 G = 9.81
@@ -403,8 +404,7 @@ def test_a_search_for_a_start_begins_at_the_same_place_at_any_size(body, base, l
     assert np.max(np.abs(found[1] - found[0])) < 1e-9
 
 
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
-@pytest.mark.parametrize("radius", [0.7, 0.9, 1.1])
+@each_value(("size", [1e-3, 1.0, 1e3]), ("radius", [0.7, 0.9, 1.1]))
 def test_a_body_whose_normal_points_inwards_where_its_search_begins_is_turned_and_not_carried_away(radius, size):
     """By some radians. How well it fits does not change around a tube but by rounding, which is no way to go."""
     axes, scene = np.array([0.2, 0.15, 0.1]) * size, ac.System()

@@ -32,6 +32,7 @@ from components import (
     World,
 )
 from tests.drawn import SEEDS, Drawn
+from tests.pairings import each_value
 
 G = 9.81
 INSTANT = 1e-11
@@ -541,8 +542,7 @@ def test_a_car_with_its_lower_wheels_locked_stands_or_slides_by_what_these_bear(
         assert np.abs(run[f.velocity]).max() < 1e-12 * g * end
 
 
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
-@pytest.mark.parametrize(("pace", "slack", "away"), [(1.5, 0.3, 30.0), (0.2, 0.05, 0.0), (0.11, 1.0, 0.0)])
+@each_value(("size", [1e-3, 1.0, 1e3]), (("pace", "slack", "away"), [(1.5, 0.3, 30.0), (0.2, 0.05, 0.0), (0.11, 1.0, 0.0)]))
 def test_a_stone_on_the_ground_is_lifted_by_its_sling_and_falls_back_again_and_again(
     size: float, pace: float, slack: float, away: float
 ) -> None:

@@ -25,6 +25,7 @@ from components import (
     VoltageSource,
     World,
 )
+from tests.pairings import each_value
 
 
 def changes(run: Any) -> list[float]:
@@ -97,8 +98,7 @@ def test_diode_behind_an_inductor_with_leakage_carries_its_current_on() -> None:
     assert changes(run)[-1] == pytest.approx(low, rel=1e-6)
 
 
-@pytest.mark.parametrize("leakage", [1e-6, 1e-9, 1e-12, 1e-15])
-@pytest.mark.parametrize("rtol", [1e-8, 1e-11])
+@each_value(("leakage", [1e-6, 1e-9, 1e-12, 1e-15]), ("rtol", [1e-8, 1e-11]))
 def test_the_less_a_valve_leaks_the_nearer_it_is_to_an_ideal_one(leakage: float, rtol: float) -> None:
     """The current through an inductor and what a valve lets through differ by rounding, of which a small leakage must not make a voltage."""
     w, R, L = 100.0, 2.0, 0.05
@@ -118,10 +118,10 @@ def test_the_less_a_valve_leaks_the_nearer_it_is_to_an_ideal_one(leakage: float,
     assert run.statistics.steps < 60
 
 
-@pytest.mark.parametrize("turned", [False, True])
-@pytest.mark.parametrize("leak", [1e-3, 1e-5, 1e-7])
-@pytest.mark.parametrize(
-    ("V", "f", "R", "lag"), [(1.0, 1.0, 1.0, 0.41), (1e-3, 50.0, 600.0, 1.01), (325.0, 1e6, 0.1, 0.1), (1.0, 1.0, 1.0, 1.42)]
+@each_value(
+    ("turned", [False, True]),
+    ("leak", [1e-3, 1e-5, 1e-7]),
+    (("V", "f", "R", "lag"), [(1.0, 1.0, 1.0, 0.41), (1e-3, 50.0, 600.0, 1.01), (325.0, 1e6, 0.1, 0.1), (1.0, 1.0, 1.0, 1.42)]),
 )
 def test_what_a_coil_drives_flows_on_through_a_second_diode(
     V: float, f: float, R: float, lag: float, leak: float, turned: bool

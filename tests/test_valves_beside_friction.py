@@ -30,6 +30,7 @@ from components import (
     VoltageSource,
 )
 from tests.circuits import between_nodes, check_diodes, element
+from tests.pairings import each_value
 
 SIZES = [(1.0, 1.0, 1.0), (1e-3, 1e4, 1.0), (1e4, 1.0, 1e-3)]
 """Of volts, amperes and seconds."""
@@ -197,8 +198,7 @@ def charging(drive: Drive, brakes: float, t: float, x: np.ndarray, event: int) -
     return np.array([i, v, w]), A, b, np.where(np.array(moves)[:, None], guards, 0.0), np.zeros(2), np.inf
 
 
-@pytest.mark.parametrize("sizes", SIZES)
-@pytest.mark.parametrize("brakes", [400, 4000])
+@each_value(("sizes", SIZES), ("brakes", [400, 4000]))
 def test_a_generator_charges_a_store_through_a_bridge_while_a_brake_acts(
     sizes: tuple[float, float, float], brakes: float
 ) -> None:

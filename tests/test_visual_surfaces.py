@@ -41,6 +41,7 @@ from components import (
 )
 from components.geometry.net import net
 from components.geometry.surfaces import AbstractSurface
+from tests.pairings import each_value
 
 Kind = tuple[Callable[[float], AbstractSurface], Callable[[np.ndarray, float], np.ndarray]]
 KINDS: dict[str, Kind] = {
@@ -61,8 +62,7 @@ KINDS: dict[str, Kind] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
-@pytest.mark.parametrize("kind", KINDS)
+@each_value(("size", [1e-3, 1.0, 1e3]), ("kind", KINDS))
 def test_nets_lie_on_their_surfaces_and_go_on_beyond_the_motion(kind: str, size: float) -> None:
     make, off = KINDS[kind]
     path = size * (np.array([0.25, 0.2, 0.3]) + np.random.default_rng(2).uniform(-0.15, 0.15, (80, 3)))

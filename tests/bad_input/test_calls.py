@@ -30,6 +30,7 @@ from components import (
 )  # fmt: skip
 from tests.bad_input.messages import Wrong, double, four_bar, pendulum_with
 from tests.bad_input.test_scenes import steering
+from tests.pairings import each_value
 from tests.scenes import DoublePendulum, Pendulum
 
 HERE = "test_calls.py:"
@@ -132,9 +133,9 @@ def test_a_given_motion_that_tears_a_loop_is_told_with_the_time():
 
 
 @pytest.mark.filterwarnings("ignore::acausal.errors.SingularWarning")
-@pytest.mark.parametrize("pace", [0.5, 50.0])
-@pytest.mark.parametrize(
-    "form", [lambda pace: pace * ac.time, lambda pace: CubicSpline(T := np.linspace(0, 5 / pace, 9), pace * T)]
+@each_value(
+    ("pace", [0.5, 50.0]),
+    ("form", [lambda pace: pace * ac.time, lambda pace: CubicSpline(T := np.linspace(0, 5 / pace, 9), pace * T)]),
 )
 def test_an_input_that_tears_a_loop_is_told_with_the_time(form: Callable[[float], Any], pace: float):
     """At the same place, whatever the motion is given as: 0.3 + 1.6 from where the table begins."""

@@ -21,6 +21,7 @@ from components import (
     TorqueSource,
     World,
 )
+from tests.pairings import each_value
 
 
 def _with_mass(mass: float):
@@ -54,8 +55,7 @@ def _in_one_place(size: float):
     return scene, {}, "'pull[ball, other]'", "apart"
 
 
-@pytest.mark.parametrize("make", [_on_a_spring, _in_the_centre, _in_one_place])
-@pytest.mark.parametrize("size", [1e-4, 1.0, 3e4])
+@each_value(("make", [_on_a_spring, _in_the_centre, _in_one_place]), ("size", [1e-4, 1.0, 3e4]))
 def test_a_force_without_a_value_is_named(make, size: float) -> None:
     scene, start, name, advice = make(size)
     model = ac.build(scene)

@@ -31,6 +31,7 @@ from components import (
     TorqueSource,
     World,
 )
+from tests.pairings import each_value
 from tests.scenes import FourBar as ExactFourBar
 
 G = 9.81
@@ -168,8 +169,7 @@ def test_other_units_change_an_answer_by_rounding(make: Callable[[Units], Arm | 
     assert words == said
 
 
-@pytest.mark.parametrize("stiffness", [1e-12, 1e-6, 1.0, 1e6, 1e12])
-@pytest.mark.parametrize("mass", [1e-9, 1.0, 1e9])
+@each_value(("stiffness", [1e-12, 1e-6, 1.0, 1e6, 1e12]), ("mass", [1e-9, 1.0, 1e9]))
 def test_slow_and_fast_masses_rest_where_their_spring_is_relaxed(stiffness: float, mass: float):
     scene = ac.System()
     scene.world, scene.slide, scene.load, scene.spring = World(None), Prismatic("z"), Particle(mass), Spring(stiffness, 0.3)
@@ -207,9 +207,9 @@ def orbit(potential: Callable[[Any], Any]) -> ac.System:
     return scene
 
 
-@pytest.mark.parametrize("scale", [1e-6, 1.0, 1e6])
-@pytest.mark.parametrize(
-    ("power", "stability"), [(-1, "undecided"), (1, "undecided"), (2, "neutral"), (-3, "unstable"), (-4, "unstable")]
+@each_value(
+    ("scale", [1e-6, 1.0, 1e6]),
+    (("power", "stability"), [(-1, "undecided"), (1, "undecided"), (2, "neutral"), (-3, "unstable"), (-4, "unstable")]),
 )
 def test_a_circular_orbit_is_unstable_only_where_its_radius_runs_away(power: int, stability: str, scale: float):
     """Under r^p / p (p > -2: stable in first order; p = 2: the linear system stays the same all around)."""
@@ -290,8 +290,7 @@ def forbidden(make: Callable[[Units], ac.System], length: float) -> Any:
     return ac.build(make(Units(length))).constraints()
 
 
-@pytest.mark.parametrize("make", ROLLING)
-@pytest.mark.parametrize("length", [1e-9, 4.0**5, 1e9])
+@each_value(("make", ROLLING), ("length", [1e-9, 4.0**5, 1e9]))
 def test_what_rolling_forbids_is_the_same_in_any_unit(make: Callable[[Units], ac.System], length: float):
     plain, other = forbidden(make, 1.0), forbidden(make, length)
     assert [(e.name, e.kind, e.kept) for e in other] == [(e.name, e.kind, e.kept) for e in plain]

@@ -17,6 +17,7 @@ import scipy.optimize
 import acausal as ac
 from acausal.errors import AcausalError
 from components import Capacitor, CurrentSource, Ground, Inductor, Resistor, VoltageSource
+from tests.pairings import each_value
 
 _SLOPES = {"V": 0.3, "I": 0.2}
 
@@ -199,8 +200,7 @@ def test_short_circuits_are_named_however_little_of_the_equations_is_left():
     assert 2 < refused < 12
 
 
-@pytest.mark.parametrize("unit", [1e-8, 1.0, 1e8])
-@pytest.mark.parametrize("seed", [2, 17, 109, 153, 163, 181])
+@each_value(("unit", [1e-8, 1.0, 1e8]), ("seed", [2, 17, 109, 153, 163, 181]))
 def test_eigenvalues_and_operating_points_are_those_of_the_nodal_equations(seed, unit):
     """Linear systems and equilibria at the values of the build and at others, of circuits that begin at nothing but rounding."""
     rng = np.random.default_rng(seed)
