@@ -402,14 +402,14 @@ class Functions:
             else self._staged("explicit_dynamics", lambda outputs: self.space.kept(outputs.system.x_dot))
         )
 
-    def _staged(self, name: str, said: Callable[[Outputs], ca.SX]) -> Function:
-        """(t, x, u, p) -> what outputs say; with modes, where reactions are answers of systems that are solved in numbers."""
+    def _staged(self, name: str, said: Callable[[Outputs], ca.SX], fold: bool = True) -> Function:
+        """(t, x, u, p) -> what outputs say; with modes, where reactions are answers of systems that are solved in numbers. `fold`: no, where kernels alone are made of it, which do."""
         modes, space = self.outputs.system.modes, self.space
         result = said(self.outputs.unmasked)
         if modes is None:
-            return self._function(name, [result], [name])
+            return self._function(name, [result], [name], fold)
         found = ca.densify(space.put(modes.with_answers(result)))
-        return Staged.of(name, space.arguments, [found], modes.systems.with_operands(space.put))
+        return Staged.of(name, space.arguments, [found], modes.systems.with_operands(space.put), fold)
 
     @functools.cached_property
     def modes(self) -> ModeFunctions | None:
@@ -508,7 +508,7 @@ class Functions:
             if isinstance(contact, AbstractContact) and contact.holds:
                 found.append((part, self.outputs.resolve(contact.normal_force)))
         pushes = ca.vertcat(*(push for _, push in found))
-        return tuple(part for part, _ in found), self.output(pushes, name="contacts") if found else None
+        return tuple(part for part, _ in found), self._function("contacts", [pushes], ["pushes"], fold=False) if found else None
 
     @functools.cached_property
     def followed(self) -> tuple[ca.Function | None, ca.Function | None]:
@@ -596,7 +596,7 @@ class Functions:
         def given(outputs: Outputs) -> ca.SX:
             return ca.vertcat(outputs.system.x_dot, outputs.system.multipliers, reactions, outputs.yielding)
 
-        return self._staged("given_by_dynamics", given)
+        return self._staged("given_by_dynamics", given, fold=False)
 
     @functools.cached_property
     def given_by_loops(self) -> ca.Function:
@@ -640,9 +640,11 @@ class Functions:
             names += ["rotation", "angular_velocity"]
         return self._function("frame_kinematics", [self.outputs.resolve(e) for e in wanted], names)
 
-    def _function(self, name: str, results: list[ca.SX], names: list[str]) -> ca.Function:
+    def _function(self, name: str, results: list[ca.SX], names: list[str], fold: bool = True) -> ca.Function:
+        """`fold`: no, for what is looked at a few times, and for what kernels alone are made of."""
         found = [ca.densify(self.space.put(r)) for r in results]
-        return folded_function(name, self.space.arguments, found, ["t", "x", "u", "p"], names)
+        make = folded_function if fold else ca.Function
+        return make(name, self.space.arguments, found, ["t", "x", "u", "p"], names)
 
 
 def _functions(outputs: Outputs, space: StateSpace, events: tuple[when, ...]) -> Functions:
