@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 import pickle
 import subprocess
@@ -193,13 +194,19 @@ EXPORTS = [
 ]
 
 
+@functools.cache
+def _both(make: type[ac.System]) -> tuple[ac.Model, dict[str, float], AbstractModel]:
+    """A scene's model, values that it starts from, and its chart there."""
+    joint = "hinge" if make is GearedArms else "a"
+    model, start = ac.build(make()), {f"{joint}.q": 0.4, f"{joint}.v": 0.5}
+    return model, start, model.minimal(start, prefer=list(start))
+
+
 @pytest.mark.parametrize(("make", "question"), [*((m, q) for m in SCENES for q in ANSWERS if q[:6] != "export"), *EXPORTS])
 def test_a_model_and_its_charts_answer_every_question_alike(make, question, tmp_path, monkeypatch):
     """States of the first scene are those that do not follow in closed form; of the second, all of a loop; a chart has the fewest."""
     compile_quickly(monkeypatch)
-    joint = "hinge" if make is GearedArms else "a"
-    model, start = ac.build(make()), {f"{joint}.q": 0.4, f"{joint}.v": 0.5}
-    minimal = model.minimal(start, prefer=list(start))
+    model, start, minimal = _both(make)
     assert minimal.state_names == tuple(start)
     asked = Asked(model, start, SCENES[make], tmp_path / "whole"), Asked(minimal, None, SCENES[make], tmp_path / "chart")
     np.testing.assert_allclose(ANSWERS[question](asked[1]), ANSWERS[question](asked[0]), rtol=1e-8, atol=1e-9)
