@@ -25,6 +25,7 @@ from components import (
     Touching,
     World,
 )
+from tests.pairings import each_value
 
 G = 9.81
 SIZES = [1e-3, 1.0, 1e3]
@@ -53,8 +54,7 @@ def pairs(L: float) -> dict[str, tuple[Any, Any, Any, Any]]:
     }  # fmt: skip
 
 
-@pytest.mark.parametrize("size", SIZES)
-@pytest.mark.parametrize("name", list(pairs(1.0)))
+@each_value(("size", SIZES), ("name", pairs(1.0)))
 def test_a_bead_moves_as_on_the_parametric_form(name: str, size: float) -> None:
     parametric, law, place, velocity = pairs(size)[name]
     k = np.sqrt(size)

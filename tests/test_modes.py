@@ -145,8 +145,7 @@ CONDITIONS: dict[str, Callable[[float], Any]] = {
 """True from then on, said in other ways."""
 
 
-@pytest.mark.parametrize("condition", CONDITIONS)
-@pytest.mark.parametrize("seed", range(4))
+@each_value(("condition", CONDITIONS), ("seed", range(4)))
 def test_floor_begins_to_rise_however_it_is_said_when(condition: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     late, size, gravity, restitution = (
@@ -165,8 +164,7 @@ def test_floor_begins_to_rise_however_it_is_said_when(condition: str, seed: int)
     assert run[scene.up.v][-1] == pytest.approx((1 + restitution) * speed - gravity * size * (end - late), abs=1e-11 * speed)
 
 
-@pytest.mark.parametrize("condition", CONDITIONS)
-@pytest.mark.parametrize("seed", range(4))
+@each_value(("condition", CONDITIONS), ("seed", range(4)))
 def test_belt_begins_to_run_however_it_is_said_when(condition: str, seed: int) -> None:
     rng = np.random.default_rng(seed)
     late, speed, mass = rng.integers(4, 60) / 64, 10 ** rng.uniform(-3, 3), 10 ** rng.uniform(-3, 3)
