@@ -887,7 +887,7 @@ def test_without_a_compiler_the_libraries_of_the_package_run(
     assert load.runtime() is None
 
 
-def test_without_compiler_and_libraries_casadis_integrators_run(no_compiler: None, nothing_built: None) -> None:
+def test_without_compiler_and_libraries_casadis_integrators_run(no_compiler: None, nothing_built: None, tmp_path: Path) -> None:
     """It is said once; what needs the runtime says what is missing."""
     scene, other = FourBar(), Pendulum()
     with warnings.catch_warnings(record=True) as said:
@@ -901,6 +901,9 @@ def test_without_compiler_and_libraries_casadis_integrators_run(no_compiler: Non
         ac.build(other).simulate(0.2, {other.hinge.q: 0.3}, method="gauss")
     with pytest.raises(NoRuntimeError, match="ziglang"):
         ac.build(other).sensitivities([0.0, 0.1], [other.hinge.q], {other.hinge.q: 0.3})
+    with pytest.raises(NoRuntimeError, match="ziglang"):
+        ac.build(other).export_simulator(tmp_path / "motion", {other.hinge.q: 0.3})
+    ac.build(other).export_c(tmp_path / "functions")
 
 
 def test_the_compiler_is_the_one_that_is_asked_for(no_compiler: None, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

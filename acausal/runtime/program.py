@@ -11,7 +11,7 @@ import numpy as np
 from acausal.emit.program import CODES, LOAD, NUMBER, SYSTEM, WIDTH, Program
 from acausal.emit.statements import ANSWER, statements
 from acausal.emit.statements import SYSTEM as SYSTEM_VALUE
-from acausal.errors import ExportError
+from acausal.errors import NoRuntimeError
 from acausal.numerics.staged import Function
 from acausal.numerics.uncollected import uncollected
 from acausal.runtime.load import runtime
@@ -38,12 +38,13 @@ for _code, _own in {**CODES, ca.OP_INPUT: LOAD, ca.OP_CONST: NUMBER, SYSTEM_VALU
 def program(function: Function, name: str, lanes: int, *, parameters: tuple[int, ...] = ()) -> Program:
     """The program of a function. `parameters`: numbers of the arguments that seldom change.
 
-    Raises `ExportError` for functions that cannot be expanded to `SX`, and where there is no runtime.
+    Raises `ExportError` for functions that cannot be expanded to `SX`, and `NoRuntimeError` where there is no runtime.
     """
     found, library = statements(function, name, parameters), runtime()
     if library is None:
-        raise ExportError(
-            f"'{name}' becomes a program by the runtime, for which a C compiler is missing: install one, or ziglang."
+        raise NoRuntimeError(
+            f"'{name}' is made ready for an interpreter by the integrators in C, which were not built with this installation, and no C compiler was found to build them now (cc, gcc, "
+            "clang, or ziglang from PyPI; `pip install ziglang` is enough)."
         )
     values, count = found.values, len(found.values.codes)
     code = _CODES[np.array(values.codes, np.int_)]
