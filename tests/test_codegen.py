@@ -589,6 +589,7 @@ def test_a_library_is_compiled_once(cache: Path, runs: list[Sequence[str]]) -> N
 
 FOUR_BAR = """
 import acausal as ac
+from acausal.emit import compiler
 
 from acausal.runtime.kernels import Compilation, Wanted
 from tests.scenes import FourBar

@@ -103,6 +103,7 @@ static void set_masks(Integrator *I, const Decision *D, Room R) {
         T->side[i] = R.law[i] == HOLDS;
         double nothing = NIL * largest * unit_of(own_of(D, i));
         T->at_rest[i] = is_speed(D, i) && R.law[i] == OPENS && fabs(R.rate[i]) <= nothing ? nothing : 0;
+        if (I->redundant) T->parting.near_zero[i] = R.law[i] == OPENS && fabs(R.rate[i]) <= AT_REST * largest * unit_of(own_of(D, i)); /* what others keep at zero is no further below it than these */
     }
     for (long f = 0; f < D->frictions; f++) {
         long law = R.law[D->gaps + f], i = row_of(D, f);

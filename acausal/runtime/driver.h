@@ -309,6 +309,7 @@ static int hides_kink(Integrator *I, Stages *S, double h, int strict) {
 }
 
 static enum Code failed_at(Integrator *I, enum Code code);
+static long carried_of(const Integrator *I);
 
 /* Advance with compensated summation, project onto the invariants, keep the polynomial. */
 static enum Code accept_step(Integrator *I, Stages *S, double h) {
@@ -327,7 +328,7 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
     T->time_carry = passed - (I->t - begin);
     memcpy(T->factor, I->x, sizeof(double) * (size_t)n);
     int projected = project(I, I->t, I->x);
-    if (I->led == LED_PLACES && T->open > TORN) {
+    if (I->led == LED_PLACES && !(I->redundant && T->side[carried_of(I) - 1] != 0) && is_torn(I, I->t, I->x)) { /* of rows that depend on one another, apart.h tells */
         I->t = begin;
         memcpy(I->x, T->aside, sizeof(double) * (size_t)n);
         return failed_at(I, STEP_UNDERFLOW);

@@ -45,6 +45,31 @@ static int project(Integrator *I, double t, double *x) {
     return changed;
 }
 
+#define PLAINLY 1e3 /* times what rounding of states makes of it, a correction that is none of it */
+
+/* Whether what is left to correct of x at time t is more than rounding: something is torn. */
+static int is_torn(Integrator *I, double t, const double *x) {
+    struct State *T = I->state;
+    V *in = T->projection_in, *out = T->projection_out;
+    if (!(T->open > TORN)) return 0;
+    double *left = T->before, *noise = T->most;
+    for (long i = 0; i < I->nx; i++) noise[i] = 0;
+    in[0] = v_all(t);
+    for (long from = 0; from < COUNTED; from += LANES) {
+        for (long i = 0; i < I->nx; i++)
+            for (long l = 0; l < LANES; l++)
+                in[1 + i][l] = x[i] + (from + l > 0 ? EPS * fmax(T->size[i], fabs(x[i])) * ((double)(drawn((from + l) * I->nx + i) >> 29) / 2 - 1.75) : 0);
+        run_masked(I, OF_PROJECTION, in, T->projection_c, out);
+        for (long i = 0; i < I->nx; i++) {
+            if (from == 0) left[i] = out[i][0] - x[i];
+            for (long l = 0; l < LANES; l++) noise[i] = fmax(noise[i], fabs(out[i][l] - in[1 + i][l] - left[i]));
+        }
+    }
+    for (long i = 0; i < I->nx; i++)
+        if (!(fabs(left[i]) <= fmax(TORN * fmax(T->size[i], fabs(x[i])), PLAINLY * noise[i]))) return 1;
+    return 0;
+}
+
 #define PASSES 3 /* moving positions opens the velocity rows a little; the next correction closes them */
 
 #ifndef ONLY_COMPILED_KERNELS

@@ -245,9 +245,7 @@ def _closing(outputs: Outputs, held: tuple[int, ...]) -> tuple[Closing, Closing]
     none = ca.SX(0, 1)
     more = sum(count for _, count in names)
     known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.closing.numel() + more)
-    known_rates = Drawn.joined(
-        [*(rows.drawn for rows in loops), Drawn.exact(r.scalar.velocity.numel() + more)]
-    )
+    known_rates = Drawn.joined([*(rows.drawn for rows in loops), Drawn.exact(r.scalar.velocity.numel() + more)])
     return (
         Closing(ca.vertcat(r.closing, *places), position, ca.vertcat(none, *signs), tuple(meant), known),
         Closing(ca.vertcat(r.velocity_closing, *speeds), velocity, none, (), known_rates),
