@@ -18,6 +18,10 @@ from acausal.start.block_search import solve_block
 from acausal.start.unknowns import Found, Unknowns
 
 _SAME = 1e-6
+_SHORTEST = 1e-9
+"""Part of the way that is too short to go on."""
+_CLOSELY, _CORRECTIONS = 1e-6, 20
+"""Corrections on the way, until the last one is so small a part of each unknown."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +46,40 @@ class UntornBlock:
         same = all(abs(found.y[k] - y[place]) <= _SAME * abs(y[place]) for k, place in self.torn)
         return found.y if found.converged and same else None
 
+    @np.errstate(all="ignore")
     def _solved(self, y: np.ndarray, data: np.ndarray) -> Found:
         begin = self.begin.copy()
         for k, place in self.torn:
             begin[k] = y[place]
-        return solve_block(self.block, np.concatenate([y, data]), begin, begin, np.zeros(0), 0.0)
+        whole = np.concatenate([y, data])
+        found = solve_block(self.block, whole, begin, begin, np.zeros(0), 0.0)
+        if found.converged or (led := self._led(whole)) is None:
+            return found
+        return solve_block(self.block, whole, led, led, np.zeros(0), 0.0)
+
+    def _led(self, whole: np.ndarray) -> np.ndarray | None:
+        """Near the solution, by what is open at the beginning taken away in parts, doubled after each that is found: so exponentials are climbed (Ortega and Rheinboldt, Iterative
+        Solution of Nonlinear Equations, 7.5); None where none is found.
+        """
+        rows = self.block.constraints.at(np.concatenate([whole, self.begin]))
+        z, (open_, _) = self.begin, rows(self.begin)
+        done, ahead = 0.0, 0.25
+        while done < 1 and ahead > _SHORTEST:
+            there, near = min(1.0, done + ahead), z
+            for _ in range(_CORRECTIONS):
+                left, J = rows(near)
+                try:
+                    change = np.linalg.solve(J, left - (1 - there) * open_)
+                except np.linalg.LinAlgError:
+                    break
+                near = near - change
+                if not np.isfinite(near).all():
+                    break
+                if (np.abs(change) <= _CLOSELY * np.abs(near)).all():
+                    z, done, ahead = near, there, 8 * ahead
+                    break
+            ahead /= 4
+        return z if done == 1 else None
 
 
 def untorn_blocks(unknowns: Unknowns, system: ReducedSystem) -> tuple[UntornBlock, ...]:
