@@ -18,14 +18,20 @@ static double least_rate(const Integrator *I, const Decision *D, long i, double 
     return fmax(D->rate_noise[i], fmax(sqrt(2 * fall * RESOLVED * D->gap_noise[i]), 0.5 * fall * BRIEFEST * EPS * fabs(I->t)));
 }
 
-/* The least pivot of the rows that hold, in units of their diagonal, but for those that vanish where rows depend on one another; 0: none does. */
-static double least_pivot(const Decision *D, const long *law, double *A, long *chosen) {
-    long n = D->n, m = 0;
-    double least = 1;
+/* Rows that hold, but for valves, into `chosen`; how many. */
+static long rows_that_hold(const Decision *D, const long *law, long *chosen) {
+    long m = 0;
     for (long i = D->valves; i < D->gaps; i++)
         if (law[i] == HOLDS) chosen[m++] = i;
     for (long f = 0; f < D->frictions; f++)
         for (long k = 0; k < rows_of(D, f) && law[D->gaps + f] == HOLDS; k++) chosen[m++] = row_of(D, f) + k;
+    return m;
+}
+
+/* The least pivot of the rows that hold, in units of their diagonal, but for those that vanish where rows depend on one another; 0: none does. */
+static double least_pivot(const Decision *D, const long *law, double *A, long *chosen) {
+    long n = D->n, m = rows_that_hold(D, law, chosen);
+    double least = 1;
     for (long i = 0; i < m; i++)
         for (long j = 0; j < m; j++) {
             long a = chosen[i], b = chosen[j];
@@ -49,6 +55,27 @@ static double least_pivot(const Decision *D, const long *law, double *A, long *c
             for (long j = k + 1; j < m; j++) A[i * m + j] -= A[i * m + k] * A[k * m + j] / A[k * m + k];
     }
     return 0;
+}
+
+/* Whether a row that does not hold moves no way that those leave which do, as a fourth foot beside three: it is no further from zero than these. */
+static int kept_by_others(const Decision *D, const long *law, long row, double *A, long *chosen) {
+    long n = D->n, m = rows_that_hold(D, law, chosen), w = m + 1;
+    chosen[m] = row;
+    for (long i = 0; i < w; i++)
+        for (long j = 0; j < w; j++) A[i * w + j] = D->W[chosen[i] * n + chosen[j]] / sqrt(D->W[chosen[i] * (n + 1)] * D->W[chosen[j] * (n + 1)]);
+    for (long done = 0; done < m; done++) {
+        long best = 0;
+        for (long i = 1; i < m; i++)
+            if (A[i * w + i] > A[best * w + best]) best = i;
+        double pivot = A[best * w + best];
+        if (!(pivot > DEPENDENT)) break;
+        for (long i = 0; i < w; i++) {
+            double part = A[i * w + best] / pivot;
+            for (long j = 0; j < w && i != best; j++) A[i * w + j] -= part * A[best * w + j];
+        }
+        for (long i = 0; i < w; i++) A[i * w + best] = A[best * w + i] = 0;
+    }
+    return A[m * w + m] <= DEPENDENT;
 }
 
 /* Directions of the forces that limits depend on; what has no force keeps the one it has. */
@@ -103,7 +130,7 @@ static void set_masks(Integrator *I, const Decision *D, Room R) {
         T->side[i] = R.law[i] == HOLDS;
         double nothing = NIL * largest * unit_of(own_of(D, i));
         T->at_rest[i] = is_speed(D, i) && R.law[i] == OPENS && fabs(R.rate[i]) <= nothing ? nothing : 0;
-        if (I->redundant) T->parting.near_zero[i] = R.law[i] == OPENS && fabs(R.rate[i]) <= AT_REST * largest * unit_of(own_of(D, i)); /* what others keep at zero is no further below it than these */
+        if (I->redundant) T->parting.near_zero[i] = i >= D->valves && R.law[i] == OPENS && fabs(R.rate[i]) <= AT_REST * largest * unit_of(own_of(D, i)) && kept_by_others(D, R.law, i, R.work, R.place);
     }
     for (long f = 0; f < D->frictions; f++) {
         long law = R.law[D->gaps + f], i = row_of(D, f);

@@ -77,7 +77,8 @@ static enum Code part_rows(Integrator *I, const Stages *S, double h, double *par
         *part = 0;
         memcpy(masks, T->side, sizeof(double) * (size_t)I->masks);
         code = decide_modes(I, -1, h);
-        for (long i = 0; i < I->one_sided && code == REACHED_END; i++) T->parting.near_zero[i] = masks[i] == 1 && T->side[i] == 0;
+        for (long i = 0; i < I->one_sided && code == REACHED_END; i++)
+            if (masks[i] == 1 && T->side[i] == 0) T->parting.near_zero[i] = 1;
         if (code == REACHED_END && same_laws(I, masks)) T->parting.left_at = I->t; /* nothing else is known to hold */
     } else if (apart) T->parting.since = I->t + *part * h;
     T->parting.inside = 0;
