@@ -157,19 +157,12 @@ static double sum_of_changes(const Integrator *I, const Stages *S, const V *dK) 
     return sum_of_blocks(parts, S->blocks);
 }
 
-#define POLISHED 12   /* iterations more, */
-#define AT_ONCE 0.03  /* as long as each changes more than that, */
-#define SLOWLY 0.7    /* and less than that, of the last one */
-
-/* Slips in planes are often much less than they have been: what is rounding beside that is not beside what they are, and turns them again and again. So iterations that converge slowly go on. */
 static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J) {
     struct State *T = I->state;
     const Method *m = S->method;
     long n = I->nx;
-    double last = INFINITY;
-    int done = 0;
     if (!factorise(I, m, h)) return 0;
-    for (int more = POLISHED;;) {
+    for (;;) {
         scale_rates(I, S);
         for (long b = 0; b < S->blocks; b++)
             for (long i = 0; i < n; i++) S->in[b][1 + i] = combined(S->mu + b * S->blocks * LANES, S->L, S->blocks, i, v_all(x[i]));
@@ -184,13 +177,8 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J)
             for (long i = 0; i < n; i++) S->K[b][i] += T->dK[b * n + i];
         widen(I, S, S->K, h);
         double sum = S->around ? change_along(I, S, T->dK, T->factor) : sum_of_changes(I, S, T->dK);
-        double change = sqrt(sum / (double)S->s);
-        enum Verdict v = done ? DONE : judge(J, change);
-        if (v == HOPELESS) return 0;
-        int slow = done ? change > AT_ONCE * last && change < SLOWLY * last : J->contraction == 0 || J->contraction > AT_ONCE;
-        done = v == DONE;
-        last = change;
-        if (done && !(slips_turn(I) && slow && more--)) return 1;
+        enum Verdict v = judge(J, sqrt(sum / (double)S->s));
+        if (v != GO_ON) return v == DONE;
     }
 }
 
