@@ -511,7 +511,7 @@ def _rates(tree: Tree, second: ca.SX, nv: int, n: int) -> ca.SX:
 
 def _corrected(step: ca.SX | None, x: ca.SX, nq: int, scalar: ScalarPart) -> ca.SX | None:
     """The projection onto loops and joints' invariants, `step` of (q, v), and onto those of scalar domains."""
-    followed = ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.held if h.of_inputs and h.number < -1))
+    followed = ca.vertcat(ca.SX(0, 1), *(h.residual for h in scalar.held if h.is_coordinate))
     if step is None and scalar.correction is None and not followed.numel():
         return None
     n, nv = scalar.positions, x.numel() - nq - len(scalar.states)

@@ -10,7 +10,7 @@
 #define SHORTLY 1e-3    /* of a step: where slips are looked at that have begun */
 #define OFF_COURSE 1e-3 /* of a slip, across its direction: it does not go that way */
 #define BEGUN 1e-11     /* of what slips become until their rates are as fast as what friction holds: with which they begin where their directions are not held */
-#define NEARER 1e-2    /* of that, for patches: what they act against turns until the end */
+#define NEARER 1e-2    /* of NEAR_ZERO, for patches: what they act against turns until the end */
 
 /* The rate of a gap that is none: rounding, or that of a bounce so low, or so short, that gaps, or times, do not tell it from rounding, as it falls back with this acceleration. */
 static double least_rate(const Integrator *I, const Decision *D, long i, double acceleration) {
@@ -28,54 +28,44 @@ static long rows_that_hold(const Decision *D, const long *law, long *chosen) {
     return m;
 }
 
-/* The least pivot of the rows that hold, in units of their diagonal, but for those that vanish where rows depend on one another; 0: none does. */
-static double least_pivot(const Decision *D, const long *law, double *A, long *chosen) {
-    long n = D->n, m = rows_that_hold(D, law, chosen);
+/* Eliminates m of w rows (w, w) into A, in units of their diagonal, until no pivot is left but what vanishes where rows depend on one another. The least of the others; 0: none vanishes. */
+static double eliminate_rows(const Decision *D, const long *row, long m, long w, double *A) {
+    long n = D->n;
     double least = 1;
-    for (long i = 0; i < m; i++)
-        for (long j = 0; j < m; j++) {
-            long a = chosen[i], b = chosen[j];
-            A[i * m + j] = D->W[a * n + b] / sqrt(D->W[a * n + a] * D->W[b * n + b]);
-        }
+    for (long i = 0; i < w; i++)
+        for (long j = 0; j < w; j++) A[i * w + j] = D->W[row[i] * n + row[j]] / sqrt(D->W[row[i] * n + row[i]] * D->W[row[j] * n + row[j]]);
     for (long k = 0; k < m; k++) {
         long best = k;
         for (long i = k + 1; i < m; i++)
-            if (A[i * m + i] > A[best * m + best]) best = i;
-        if (!(A[best * m + best] > DEPENDENT)) return least;
-        least = fmin(least, A[best * m + best]);
-        for (long j = 0; j < m && best != k; j++) {
-            double kept = A[k * m + j];
-            A[k * m + j] = A[best * m + j], A[best * m + j] = kept;
+            if (A[i * w + i] > A[best * w + best]) best = i;
+        if (!(A[best * w + best] > DEPENDENT)) return least;
+        least = fmin(least, A[best * w + best]);
+        for (long j = 0; j < w && best != k; j++) {
+            double kept = A[k * w + j];
+            A[k * w + j] = A[best * w + j], A[best * w + j] = kept;
         }
-        for (long j = 0; j < m && best != k; j++) {
-            double kept = A[j * m + k];
-            A[j * m + k] = A[j * m + best], A[j * m + best] = kept;
+        for (long j = 0; j < w && best != k; j++) {
+            double kept = A[j * w + k];
+            A[j * w + k] = A[j * w + best], A[j * w + best] = kept;
         }
-        for (long i = k + 1; i < m; i++)
-            for (long j = k + 1; j < m; j++) A[i * m + j] -= A[i * m + k] * A[k * m + j] / A[k * m + k];
+        for (long i = k + 1; i < w; i++)
+            for (long j = k + 1; j < w; j++) A[i * w + j] -= A[i * w + k] * A[k * w + j] / A[k * w + k];
     }
     return 0;
 }
 
+/* The least pivot of the rows that hold, but for those that vanish; 0: none does. */
+static double least_pivot(const Decision *D, const long *law, double *A, long *chosen) {
+    long m = rows_that_hold(D, law, chosen);
+    return eliminate_rows(D, chosen, m, m, A);
+}
+
 /* Whether a row that does not hold moves no way that those leave which do, as a fourth foot beside three: it is no further from zero than these. */
 static int kept_by_others(const Decision *D, const long *law, long row, double *A, long *chosen) {
-    long n = D->n, m = rows_that_hold(D, law, chosen), w = m + 1;
+    long m = rows_that_hold(D, law, chosen);
     chosen[m] = row;
-    for (long i = 0; i < w; i++)
-        for (long j = 0; j < w; j++) A[i * w + j] = D->W[chosen[i] * n + chosen[j]] / sqrt(D->W[chosen[i] * (n + 1)] * D->W[chosen[j] * (n + 1)]);
-    for (long done = 0; done < m; done++) {
-        long best = 0;
-        for (long i = 1; i < m; i++)
-            if (A[i * w + i] > A[best * w + best]) best = i;
-        double pivot = A[best * w + best];
-        if (!(pivot > DEPENDENT)) break;
-        for (long i = 0; i < w; i++) {
-            double part = A[i * w + best] / pivot;
-            for (long j = 0; j < w && i != best; j++) A[i * w + j] -= part * A[best * w + j];
-        }
-        for (long i = 0; i < w; i++) A[i * w + best] = A[best * w + i] = 0;
-    }
-    return A[m * w + m] <= DEPENDENT;
+    eliminate_rows(D, chosen, m, m + 1, A);
+    return A[(m + 1) * (m + 1) - 1] <= DEPENDENT;
 }
 
 /* Directions of the forces that limits depend on; what has no force keeps the one it has. */

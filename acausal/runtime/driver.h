@@ -316,7 +316,6 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long n = I->nx, width = S->blocks * LANES;
     double begin = I->t;
-    memcpy(T->aside, I->x, sizeof(double) * (size_t)n);
     if (I->directions) advance_directions(I, S, h);
     for (long i = 0; i < n; i++) {
         double increment = T->increment[i] + T->carry[i], x = I->x[i] + increment;
@@ -330,7 +329,7 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
     int projected = project(I, I->t, I->x);
     if (I->led == LED_PLACES && !(I->redundant && T->side[carried_of(I) - 1] != 0) && is_torn(I, I->t, I->x)) { /* of rows that depend on one another, apart.h tells */
         I->t = begin;
-        memcpy(I->x, T->aside, sizeof(double) * (size_t)n);
+        memcpy(I->x, I->states + (I->steps - I->first) * n, sizeof(double) * (size_t)n);
         return failed_at(I, STEP_UNDERFLOW);
     }
     if (projected) {

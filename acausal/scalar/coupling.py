@@ -42,7 +42,7 @@ class Driven:
 class Held:
     """One scalar equation, or a derivative of it, that is kept as an invariant: its `residual` in t, x and p, and what it is called.
 
-    `depth`: 1 among velocities, 2 and more among positions. `number`: of the equation; its derivatives share it. `of_joints`: without
+    `depth`: 1 among velocities, 2 and more among positions. `number`: of the equation, below -1 of what joints of the tree say; its derivatives share it. `of_joints`: without
     scalar states. `of_inputs`: with inputs. `equation`: its place among the scene's scalar equations.
     """
 
@@ -53,6 +53,11 @@ class Held:
     of_inputs: bool
     name: str
     equation: int = -1
+
+    @property
+    def is_coordinate(self) -> bool:
+        """Whether a joint of the tree says so of a coordinate of its own that is the value of an input, or its rate."""
+        return self.number < -1
 
 
 @dataclass(frozen=True)
