@@ -34,8 +34,13 @@ BINARY = ["atan2", "pow", "hypot", "fmod", "remainder", "fmin", "fmax"]
 # fmt: on
 
 SOURCE = """
+#include <math.h>
 #include "lanes.h"
 #include "vector_math.h"
+#include "scalar_math.h"
+static V v_total(V x) { return v_all(v_sum(x)); }
+static V v_most(V x) { return v_all(v_largest(x)); }
+static V v_power(V x, V y) { for (int i = 0; i < LANES; i++) x[i] = power(x[i], y[i]); return x; }
 static V v_sincos_s(V x) { V s, c; v_sincos(x, &s, &c); return s; }
 static V v_sincos_c(V x) { V s, c; v_sincos(x, &s, &c); return c; }
 #define LOAD(v, p) __builtin_memcpy(&v, p + i, sizeof v)
@@ -65,7 +70,11 @@ class Build:
 def _source(folder: Path) -> Path:
     path = folder / "functions.c"
     renamed = SOURCE.replace("void f(", "void t_##f(")
-    path.write_text(renamed + "".join(f"UNARY({f})\n" for f in UNARY) + "".join(f"BINARY({f})\n" for f in BINARY))
+    path.write_text(
+        renamed
+        + "".join(f"UNARY({f})\n" for f in [*UNARY, "total", "most"])
+        + "".join(f"BINARY({f})\n" for f in [*BINARY, "power"])
+    )
     return path
 
 
@@ -291,6 +300,34 @@ def test_accuracy(builds: dict[str, Build], name: str) -> None:
                 if error > worst[k][0]:
                     worst[k] = (error, f"{[v.hex() for v in point]}: {float(result[i])!r}")
     assert max(worst)[0] <= case.bound, worst
+
+
+def test_powers_that_choose_steps_are_right_to_five_digits(builds: dict[str, Build]) -> None:
+    rng = np.random.default_rng(5)
+    x, y = (a.ravel() for a in np.meshgrid(_powers(rng, -1074, 1024, 200, False), rng.uniform(-20, 20, 20)))
+    usual = np.abs(np.log2(x) * y) < 1020
+    found = builds["native8"]("power", x, y)
+    assert np.all(np.abs(found[usual] / x[usual] ** y[usual] - 1) < 1e-5)
+    assert np.all(found[~usual & (np.log2(x) * y > 1024)] == np.inf)
+    assert np.all(found[~usual & (np.log2(x) * y < -1074)] == 0)
+    edges = {(0.0, 2.0): 0, (0.0, -2.0): np.inf, (np.inf, 2.0): np.inf, (np.inf, -2.0): 0, (0.0, 0.0): 1, (-1.0, 2.0): np.nan, (2.0, np.nan): np.nan, (np.nan, 1.0): np.nan}  # fmt: skip
+    got = builds["native8"]("power", *(np.array(a) for a in zip(*edges, strict=True)))
+    np.testing.assert_array_equal(got, list(edges.values()))
+
+
+def test_lanes_come_together_in_pairs_and_no_nan_is_lost(builds: dict[str, Build]) -> None:
+    x = _powers(np.random.default_rng(6), -30, 30, 64)
+    for name, build in builds.items():
+        lanes = int(name[-1])
+        sums, most = x.reshape(-1, lanes), x.reshape(-1, lanes).max(axis=1)
+        while sums.shape[1] > 1:
+            sums = sums[:, ::2] + sums[:, 1::2]
+        np.testing.assert_array_equal(build("total", x), np.repeat(sums[:, 0], lanes))
+        np.testing.assert_array_equal(build("most", x), np.repeat(most, lanes))
+        for place in range(lanes):
+            with_one = x.copy()
+            with_one[place] = np.nan
+            assert np.isnan(build("most", with_one)[:lanes]).all()
 
 
 # ---- exact functions and special values ----

@@ -23,7 +23,7 @@ static int make_vectors(Integrator *I, long most) {
     T->own = reserve(I, sizeof(long) * (size_t)(n + 1));
     T->disturbed = reserve_lanes(I, I->rhs.inputs + 1);
     for (int k = 0; k < 2; k++) all = (T->rates[k] = reserve_lanes(I, n + 1)) && all;
-    T->last_a = reserve_doubles(I, most * n + 1);
+    T->last_a = (double *)reserve_lanes(I, (most + LANES - 1) / LANES * n);
     if (I->counted) return 1;
     if (!all || !T->copied || !T->own || !T->disturbed || !T->last_a) return 0;
     for (long k = 0; k < I->copies; k++) T->copied[I->copy_to[k]] = 1;

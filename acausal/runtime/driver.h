@@ -152,7 +152,8 @@ static int keep(Integrator *I, const Stages *S) {
         T->coefficient_capacity = 2 * (at + (s + 1) * n) + 1024;
         if (!grow(&I->coefficients, sizeof(double) * (size_t)T->coefficient_capacity)) return 0;
     }
-    for (long i = 0; i < n; i++) memcpy(I->coefficients + at + i * s, S->a + i * width, sizeof(double) * (size_t)s);
+    if (s == width) memcpy(I->coefficients + at, S->a, sizeof(double) * (size_t)(n * s));
+    for (long i = 0; i < n && s < width; i++) memcpy(I->coefficients + at + i * s, S->a + i * width, sizeof(double) * (size_t)s);
     memcpy(I->coefficients + at + n * s, T->size, sizeof(double) * (size_t)n);
     if (I->held) memcpy(I->step_sides + (k - 1) * I->held, T->side, sizeof(double) * (size_t)I->held);
     I->stage_count[k - 1] = s;
@@ -160,6 +161,16 @@ static int keep(Integrator *I, const Stages *S) {
     I->offset[k - 1] = at;
     T->coefficient_count = at + (s + 1) * n;
     return 1;
+}
+
+/* The largest sizes of Legendre coefficients `a` of a step of size h in units of the scale, degree by degree. */
+static void largest_coefficients(const Integrator *I, const double *a, long width, double h, double *sizes) {
+    const struct State *T = I->state;
+    for (long first = 0; first < width; first += LANES) {
+        V most = v_all(0.0);
+        for (long i = 0; i < I->nx; i++) most = v_larger(most, v_abs(*(const V *)(a + i * width + first)) * v_all(h / T->scale[i]));
+        memcpy(sizes + first, &most, sizeof most);
+    }
 }
 
 /* Stage rates by extrapolating the last step's polynomial; the rate at the start for the first step. Extrapolated Legendre
@@ -174,16 +185,12 @@ static int guess(Integrator *I, Stages *S, double h) {
         return 1;
     }
     V columns[64];
-    double P[64], largest[64] = {0};
+    double P[64], largest[64];
     double ratio = h / T->last_h;
-    long terms = s;
+    long terms = s, width = (s + LANES - 1) / LANES * LANES;
     if (s > 2) {
         legendre_values(1 + S->method->c[S->s - 1] * ratio, s, P);
-        for (long i = 0; i < I->nx; i++)
-            for (long k = 0; k < s; k++) {
-                double here = fabs(T->last_a[i * s + k]) / T->scale[i];
-                if (here > largest[k]) largest[k] = here;
-            }
+        largest_coefficients(I, T->last_a, width, 1, largest);
         terms = 2;
         for (long k = 1; k < s; k++)
             if (largest[k] * P[k] < largest[terms - 1] * P[terms - 1]) terms = k + 1;
@@ -193,7 +200,7 @@ static int guess(Integrator *I, Stages *S, double h) {
         V y = v_all(1.0) + v_all(2 * ratio) * S->c[b];
         legendre_lanes(y, terms, columns);
         for (long i = 0; i < I->nx; i++) {
-            const double *a = T->last_a + i * s;
+            const double *a = T->last_a + i * width;
             V r = v_all(0.0);
             for (long k = 0; k < terms; k++) r = v_fma(v_all(a[k]), columns[k], r);
             S->K[b][i] = r;
@@ -209,7 +216,7 @@ static double rounding_floor(Integrator *I, Stages *S, double h) {
     for (long i = 0; i < I->nx; i++) {
         if (T->scale[i] <= NOTHING) continue;
         for (long b = 0; b < S->blocks; b++)
-            worst = v_larger(worst, v_larger(v_abs(S->K[b][i]) * v_all(fabs(h)), v_all(fabs(I->x[i]))) / v_all(T->scale[i]));
+            worst = v_larger(worst, v_larger(v_abs(S->K[b][i]) * v_all(fabs(h)), v_all(fabs(I->x[i]))) * v_all(1 / T->scale[i]));
     }
     return fmin(2 * EPS * v_largest(worst), 2 * EPS / T->unit);
 }
@@ -250,7 +257,7 @@ static int misses_ends(Integrator *I, Stages *S, double h, int strict) {
     long s = S->s, n = S->blocks * LANES;
     double *off[2] = {T->before, T->most};
     int radau = S->method->kind == RADAU;
-    double worst = 0, tail = 0, largest = 0, soonest = h / (T->unit * PART * T->reach);
+    double worst = 0, tail, largest = 0, sizes[64], soonest = h / (T->unit * PART * T->reach);
     if (goes_through(I, S)) {
         T->start_known = 0;
         return 0;
@@ -267,21 +274,22 @@ static int misses_ends(Integrator *I, Stages *S, double h, int strict) {
     T->start_known = T->end_known = !beside;
     for (long i = 0; i < I->nx; i++) {
         const double *a = S->a + i * n;
-        double even = 0, odd = 0, unit = h / T->scale[i];
+        double even = 0, odd = 0;
         if (!isfinite(T->end_rate[i])) return 1;
         for (long k = s - 1; k >= 0; k--) *(k & 1 ? &odd : &even) += a[k];
         double noise = (double)s * T->spread[i];
         double ends[2] = {even - odd - T->start_rate[i], even + odd - T->end_rate[i]};
         for (int e = 0; e < 2; e++) off[e][i] = copysign(heard(ends[e], noise), ends[e]);
-        tail = fmax(tail, fabs(a[s - 1]) * unit);
-        for (long k = 0; k < s; k++) largest = fmax(largest, fabs(a[k]) * unit);
     }
     if (radau) forget_fast(I, S->method, off[0]); /* Gauss forgets nothing; the last stage of Radau is the end of the step */
     for (int e = 0; e < (radau ? 1 : 2); e++)
         for (long i = 0; i < I->nx; i++) worst = fmax(worst, fmin(fabs(off[e][i]) * (h / T->scale[i]), soonest));
     if (S->method->c[0] * worst <= 1) return 0;
-    double next = tail * pow(tail / largest, 1 / (double)(s - 1)); /* the first neglected coefficient */
-    if (I->magnitudes > 0 && !radau && worst * pow(fmin(worst / tail, 1), (double)(S->method->order - s)) > 1) return 1;
+    largest_coefficients(I, S->a, n, h, sizes);
+    for (long k = 0; k < s; k++) largest = fmax(largest, sizes[k]);
+    tail = sizes[s - 1];
+    double next = tail * power(tail / largest, 1 / (double)(s - 1)); /* the first neglected coefficient */
+    if (I->magnitudes > 0 && !radau && worst * power(fmin(worst / tail, 1), (double)(S->method->order - s)) > 1) return 1;
     return (strict && !radau) || worst > (strict ? 2 : 6) * next;
 }
 
@@ -350,7 +358,7 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
     if (S->around) legendre_coefficients(I, S, S->K);
     T->last_h = h;
     T->last_s = S->s;
-    for (long i = 0; i < n; i++) memcpy(T->last_a + i * S->s, S->a + i * width, sizeof(double) * (size_t)S->s);
+    memcpy(T->last_a, S->a, sizeof(double) * (size_t)(n * width));
     return keep(I, S) ? REACHED_END : OUT_OF_MEMORY;
 }
 
@@ -396,7 +404,7 @@ static int first_step(Integrator *I) {
         }
         if (time >= 2 * soon) break;
     }
-    T->sooner = pow(1e-4 * I->rtol, 1 / (order + 1)) * time;
+    T->sooner = power(1e-4 * I->rtol, 1 / (order + 1)) * time;
     I->h = fmin(0.01 * span, fmax(1e-6 * span, T->sooner));
     return 1;
 }
@@ -416,9 +424,10 @@ static int begins_sooner(Integrator *I, double h) {
 static double next_size(Integrator *I, double h, double error) {
     struct State *T = I->state;
     if (error == 0) return 4 * h;
-    double power = 1 / (double)(I->method_list[I->method].order + 1);
-    double growth = (I->method_list[I->method].kind == RADAU ? TARGET : CAREFUL) * pow(error, -power);
-    if (T->last_h > 0 && I->error > 0) growth = fmin(growth, growth * (h / T->last_h) * pow(I->error / error, power));
+    const Method *m = &I->method_list[I->method];
+    double root = power(error, 1 / (double)(m->order + 1)), growth = (m->kind == RADAU ? TARGET : CAREFUL) / root;
+    if (T->last_h > 0 && I->error > 0) growth = fmin(growth, growth * (h / T->last_h) * (T->error_root / root));
+    T->error_root = root;
     return h * fmin(4.0, fmax(0.3, growth));
 }
 
@@ -470,7 +479,6 @@ static int solve_stages(Integrator *I, Stages *S, double h, double tolerance, do
 }
 
 #define SOON 0.1     /* of a step: a little later */
-#define SHORTER 0.8  /* steps that are to become shorter than that make rounding looked at */
 
 #define MOSTLY 0.25  /* of a rate that is rounding */
 #define ASTRAY 0.01  /* of their sizes: stages that are off by more are no states of the motion, and their rounding explains nothing in the next try */
@@ -494,7 +502,7 @@ static double step_error(Integrator *I, Stages *S, double h) {
     T->noisy = 0;
     if (S->around && I->through == STRAIGHT) return error_around(I, S, h);
     double near = beside_branches(I, S), error = fmax(near * step_error_of(I, S, h), missed_as_fast(I, S, h));
-    if (!noisy && error <= pow(CAREFUL / SHORTER, (double)(S->method->order + 1))) return error;
+    if (!noisy && error <= S->calm) return error;
     sample_noise(I, S, 0, 0);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
     if (S->around) { /* there only states that are nothing but rounding are forgiven */
@@ -811,7 +819,7 @@ static enum Code land(Integrator *I, Stages *S, double h, struct Landing *L, dou
 
 /* The next try, after a step of size h of that error. */
 static void shorten(Integrator *I, const Stages *S, double h, double error) {
-    double growth = error < INFINITY ? 0.65 * pow(error, -1 / (double)(S->method->order + 1)) : 0.1;
+    double growth = error < INFINITY ? 0.65 * power(error, -1 / (double)(S->method->order + 1)) : 0.1;
     I->h = h * fmin(0.9, fmax(0.15, growth));
     I->rejected++;
     I->state->jacobian_fresh = I->state->jacobian_time == I->t;

@@ -49,6 +49,8 @@ INLINE V v_select(Bits m, V a, V b) { return (V)((m & (Bits)a) | (~m & (Bits)b))
 /* Whether any lane of a mask is set. */
 #if LANES == 8 && defined(__AVX512DQ__) && !defined(__clang__)
 INLINE int i_any(Bits m) { return __builtin_ia32_cvtq2mask512(m) != 0; }
+#elif LANES == 4 && defined(__AVX__)
+INLINE int i_any(Bits m) { return __builtin_ia32_movmskpd256((V)m) != 0; }
 #else
 INLINE int i_any(Bits m) {
     long long r = 0;
@@ -60,24 +62,37 @@ INLINE int i_any(Bits m) {
 /* Lane by lane the larger one; not a number where a is not. */
 INLINE V v_larger(V a, V b) { return v_select(b > a, b, a); }
 
-/* The sum of all lanes. */
-INLINE double v_sum(V x) {
-#if LANES == 8
-    return ((x[0] + x[1]) + (x[2] + x[3])) + ((x[4] + x[5]) + (x[6] + x[7]));
-#elif LANES == 4
-    return (x[0] + x[1]) + (x[2] + x[3]);
-#elif LANES == 2
-    return x[0] + x[1];
+/* Lanes in another order. */
+#ifdef __clang__
+#define SHUFFLED(x, ...) __builtin_shufflevector(x, x, __VA_ARGS__)
 #else
-    return x[0];
+#define SHUFFLED(x, ...) __builtin_shuffle(x, (Bits){__VA_ARGS__})
 #endif
+
+/* x = F(x, x in another order), until the first lane has come together with all others: neighbours, pairs, halves. */
+#if LANES == 8
+#define ALL_LANES(F, x) x = F(x, SHUFFLED(x, 1, 0, 3, 2, 5, 4, 7, 6)), x = F(x, SHUFFLED(x, 2, 3, 0, 1, 6, 7, 4, 5)), x = F(x, SHUFFLED(x, 4, 5, 6, 7, 0, 1, 2, 3))
+#elif LANES == 4
+#define ALL_LANES(F, x) x = F(x, SHUFFLED(x, 1, 0, 3, 2)), x = F(x, SHUFFLED(x, 2, 3, 0, 1))
+#elif LANES == 2
+#define ALL_LANES(F, x) x = F(x, SHUFFLED(x, 1, 0))
+#else
+#define ALL_LANES(F, x) (void)0
+#endif
+
+INLINE V v_plus(V a, V b) { return a + b; }
+
+/* The sum of all lanes, of neighbours first. */
+INLINE double v_sum(V x) {
+    ALL_LANES(v_plus, x);
+    return x[0];
 }
 
 /* The largest lane; not a number where one is. */
+INLINE V v_greater(V a, V b) { return v_select((Bits)(a >= b) | (Bits)(a != a), a, b); }
 INLINE double v_largest(V x) {
-    double r = x[0];
-    for (int i = 1; i < LANES; i++) r = x[i] <= r ? r : x[i];
-    return r;
+    ALL_LANES(v_greater, x);
+    return x[0];
 }
 
 INLINE V v_abs(V x) { return (V)((Bits)x & i_all(0x7fffffffffffffffLL)); }

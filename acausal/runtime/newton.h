@@ -271,6 +271,6 @@ static double missed_as_fast(Integrator *I, const Stages *S, double h) {
     keep_fast(I, S->method, left, kept);
     if (!(moved_by(I, kept, h) > 0.1 * AS_LONG)) return 0;
     forget_fast(I, S->method, kept);
-    double times = moved_by(I, kept, h) / AS_LONG, error = pow(CAREFUL * pow(times, 1 / (double)(s + 1)), (double)(S->method->order + 1));
+    double times = moved_by(I, kept, h) / AS_LONG, error = power(CAREFUL * power(times, 1 / (double)(s + 1)), (double)(S->method->order + 1));
     return times < 0.1 ? 0 : times > TOO_LONG ? fmax(error, 1 + EPS) : error;
 }

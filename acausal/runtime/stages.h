@@ -7,6 +7,8 @@
 #define PLAIN 0.3
 #define SQUARED 0.2
 
+#define SHORTER 0.8  /* steps that are to become shorter than that make rounding looked at */
+
 #define METHODS 4     /* of one integration, at most */
 #define MOST_STAGES 32 /* of one method */
 #define BLOCKS (MOST_STAGES / LANES)
@@ -25,6 +27,7 @@ typedef struct {
     double *tau;     /* how far to either side rates are continued from; 0: not needed */
     const Method *method; /* the last pointer */
     long s, blocks;
+    double calm; /* errors beyond make steps shorter */
     double t, h; /* of the step */
     int looked;      /* how many times clearances have been found */
     int exact;       /* whether rates are found in twofold precision */
@@ -68,7 +71,7 @@ INLINE enum Verdict judge(Judge *j, double change) {
     if (left <= j->tolerance && ratio < 0.9) return DONE;
     double goal = j->tolerance > j->floor ? j->tolerance : j->floor;
     if (j->count >= j->limit) return HOPELESS;
-    if (j->count >= 4 && ratio > 0.3 && left * pow(j->contraction, j->limit - j->count) > goal) return HOPELESS;
+    if (j->count >= 4 && ratio > 0.3 && left * power(j->contraction, j->limit - j->count) > goal) return HOPELESS;
     return GO_ON;
 }
 
@@ -121,11 +124,11 @@ static void columns_of(V *columns, const double *matrix, long s, long blocks) {
 static double error_by_decay(const Method *m, const double *sizes, double largest) {
     long s = m->stages;
     double tail = sizes[s - 1], order = (double)m->order;
-    if (s > 2) tail = fmax(tail, largest * pow(sizes[s - 2] / largest, (double)(s - 1) / (double)(s - 2)));
-    double end = largest * pow(tail / largest, order / (double)(s - 1));
+    if (s > 2) tail = fmax(tail, largest * power(sizes[s - 2] / largest, (double)(s - 1) / (double)(s - 2)));
+    double end = largest * power(tail / largest, order / (double)(s - 1));
     if (m->kind == GAUSS) return end;
-    double inside = tail * pow(tail / largest, 1 / (double)(s - 1)) / (double)(4 * s + 2);
-    return fmax(end, pow(TARGET, order + 1) * pow(inside, (order + 1) / (double)(s + 1)));
+    double inside = tail * power(tail / largest, 1 / (double)(s - 1)) / (double)(4 * s + 2);
+    return fmax(end, power(TARGET, order + 1) * power(inside, (order + 1) / (double)(s + 1)));
 }
 
 /* What is known of a guard: its side of zero (0: none), whether and since when it is at zero, whether it has been since the start. */
@@ -227,7 +230,7 @@ struct State {
     double *known;           /* what rounding makes of these until the motion has changed */
     double *most, *most_left, *change_left, *aside, *apart; /* work: per state */
     V *disturbed, *rates[2]; /* states and rates that rounding is sampled with */
-    double *last_a;          /* Legendre coefficients (nx, last_s) of the last step */
+    double *last_a;          /* Legendre coefficients of the last step, as Stages.a */
     double *guard_values, *guard_noise, *chebyshev;
     struct GuardState *guard_states;
     V *variation_in, *variation_out, *variation_c, *projected_in, *projected_out, *projected_c;
@@ -251,7 +254,7 @@ struct State {
     long work_size, pair_room[3];
     double start, knot;      /* times: of the first step, of the next knot of the inputs */
     int widened;             /* whether the scale counts what the step moves states by */
-    double unit;             /* the scale of a state of size one, without atol */
+    double unit, floor;      /* the scale of a state of size one, without atol, and of one of size zero */
     long doubts, patience;   /* CALM times the rejections, less steps without; rejections until every operation's rounding is looked at */
     double reach;            /* size of steps that states are sized by */
     double shortest;         /* step since every operation's rounding was looked at; 0: it was not, or there was none */
@@ -261,7 +264,7 @@ struct State {
     int just_set;            /* whether something has been set in this instant */
     int noisy, unheard;      /* whether rounding is looked at; for how many steps nothing was forgiven to it */
     double change, grown;    /* the last one of the iteration, and by how much it was larger than the least one */
-    double last_h;           /* size of the last step */
+    double last_h, error_root; /* size of the last step; the root of its error that step sizes go with */
     long last_s, since_switch;
     long terms;
     long events_before, event_capacity;
@@ -320,6 +323,7 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
     S->method = m;
     S->s = s;
     S->blocks = B;
+    S->calm = power(CAREFUL / SHORTER, (double)(m->order + 1));
     S->mu = reserve_lanes(I, B * n);
     S->to_legendre = reserve_lanes(I, B * n);
     S->c = reserve_lanes(I, B);
@@ -490,18 +494,20 @@ static void take_size(Integrator *I, long i) {
 static void set_scale_of(Integrator *I, long i, double h, double size) {
     struct State *T = I->state;
     double least = fmax(fmax(least_scale(I, i, h), T->known[i]), known_to(I, i));
-    T->scale[i] = fmax(T->unit / I->rtol * I->atol + T->unit * size, fmax(least, NOTHING));
+    T->scale[i] = fmax(T->floor + T->unit * size, fmax(least, NOTHING));
 }
 
 /* For steps of size h, where without rejections steps of size `reach` would be. */
 static void set_scale(Integrator *I, double h, double reach) {
     struct State *T = I->state;
     T->unit = I->step > 0 ? 1.0 : I->rtol;
+    T->floor = T->unit / I->rtol * I->atol;
     T->speed = 0;
+    double per_time = 1 / (PART * reach);
     for (long i = I->positions; I->usual && i < I->nx; i++) T->speed = fmax(T->speed, T->size[i] * fabs(I->usual[i]));
     for (long i = 0; i < I->nx; i++) {
         set_scale_of(I, i, h, T->size[i]);
-        T->limit[i] = T->size[i] / (PART * reach);
+        T->limit[i] = T->size[i] * per_time;
     }
     T->widened = 0;
     T->reach = reach;
@@ -606,10 +612,10 @@ static void set_factor(Integrator *I, double h) {
 /* States that start at zero, or are moved as never before: what the step moves them by, at rates K, is their size. */
 static void widen(Integrator *I, Stages *S, V **K, double h) {
     struct State *T = I->state;
-    int beyond = 0;
+    Bits beyond = i_all(0);
     for (long b = 0; b < S->blocks; b++)
-        for (long i = 0; i < I->nx; i++) beyond |= i_any(v_abs(K[b][i]) > v_all(T->limit[i]));
-    if (!beyond && !T->widened) return;
+        for (long i = 0; i < I->nx; i++) beyond |= v_abs(K[b][i]) > v_all(T->limit[i]);
+    if (!i_any(beyond) && !T->widened) return;
     for (long i = 0; i < I->nx; i++) {
         double most = 0;
         for (long b = 0; b < S->blocks; b++) most = fmax(most, v_largest(v_abs(K[b][i])));
@@ -617,6 +623,16 @@ static void widen(Integrator *I, Stages *S, V **K, double h) {
     }
     set_factor(I, h);
     T->widened = 1;
+}
+
+/* (N - K) factor, squared, summed over states, beyond what rounding makes of rates. */
+static V beyond_noise(const Integrator *I, const V *K, const V *N) {
+    V part = v_all(0.0);
+    for (long i = 0; i < I->nx; i++) {
+        V d = v_larger(v_abs(N[i] - K[i]) - v_all(0.25 * I->state->noise[i]), v_all(0.0)) * v_all(I->state->factor[i]);
+        part = v_fma(d, d, part);
+    }
+    return part;
 }
 
 /* (N - K) factor, squared, summed over states and stages, divided by stages, rooted; then K = N. Around a singular position the same of
@@ -628,11 +644,10 @@ static double replace_rates(Integrator *I, Stages *S, double h, double *whole) {
     for (long b = 0; b < S->blocks; b++) {
         V part = v_all(0.0), *K = S->K[b], *N = S->N[b];
         for (long i = 0; i < I->nx; i++) {
-            V d = N[i] - K[i];
-            if (I->state->noisy) d = v_larger(v_abs(d) - v_all(0.25 * I->state->noise[i]), v_all(0.0));
-            d = d * v_all(factor[i]);
+            V d = (N[i] - K[i]) * v_all(factor[i]);
             part = v_fma(d, d, part);
         }
+        if (I->state->noisy) part = beyond_noise(I, K, N);
         S->K[b] = N;
         S->N[b] = K;
         if (S->around) {
@@ -736,7 +751,7 @@ static void legendre_values(double theta, long count, double *P) {
     double y = 2 * theta - 1;
     P[0] = 1;
     if (count > 1) P[1] = y;
-    for (long k = 1; k + 1 < count; k++) P[k + 1] = ((double)(2 * k + 1) * y * P[k] - (double)k * P[k - 1]) / (double)(k + 1);
+    for (long k = 1; k + 1 < count; k++) P[k + 1] = ((double)(2 * k + 1) * y * P[k] - (double)k * P[k - 1]) * (1 / (double)(k + 1));
 }
 
 /* The same in lanes, at y = 2 theta - 1; at least two. */

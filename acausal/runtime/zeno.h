@@ -100,7 +100,7 @@ static double limit_up_to(const Integrator *I, long at, long apart, int count, l
 static double last_limit(const Integrator *I, long at, long period, long apart, int count, long state, double *error) {
     const struct State *T = I->state;
     double nothing, before = limit_up_to(I, at - period, apart, count, state, &nothing), found = limit_up_to(I, at, apart, count, state, error);
-    double shrinks = pow(T->impact_size[at % REMEMBERED] / T->impact_size[(at - period) % REMEMBERED], count);
+    double shrinks = power(T->impact_size[at % REMEMBERED] / T->impact_size[(at - period) % REMEMBERED], count);
     *error = fmax(*error, fabs(found - before) / (1 - shrinks));
     return found;
 }
