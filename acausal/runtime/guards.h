@@ -41,30 +41,38 @@ static double chebyshev_point(int k) { return 0.5 - 0.5 * cos(PI * k / (POINTS -
 /* The same by the table of cosines. */
 static double point_in(const double *table, int k) { return 0.5 - 0.5 * table[POINTS + k]; }
 
-/* Guard values at theta, POINTS of them; values (POINTS, guards). Returns 0 when the input function failed. */
-static int guard_values(const Path *p, const double *theta, int count, double *values) {
+/* Guards at places theta of a step, each in lanes: rows not yet multiplied by their sides. Null when the input function failed. */
+static const V *guards_in_lanes(const Path *p, V theta) {
     Integrator *I = p->I;
     struct State *T = I->state;
     V *in = p->rows ? T->rows_in : T->guard_in, *out = p->rows ? T->rows_out : T->guard_out, *constants = p->rows ? T->rows_c : T->guard_c;
+    V P[65], Q[64], y = theta + theta - v_all(1.0);
+    in[0] = v_fma(theta, v_all(p->h), v_all(p->t));
+    legendre_lanes(y, p->s + 1, P);
+    Q[0] = theta;
+    for (long q = 1; q < p->s; q++) Q[q] = (P[q + 1] - P[q - 1]) * v_all(1 / (double)(2 * (2 * q + 1)));
+    Mask m0 = theta == v_all(0.0), m1 = theta == v_all(1.0);
+    for (long i = 0; i < I->nx; i++) {
+        V sum = v_all(0.0);
+        for (long q = p->s - 1; q >= 0; q--) sum = v_fma(Q[q], v_all(p->a[i * p->width + q]), sum);
+        V x = v_fma(v_all(p->h), sum, v_all(p->start[i]));
+        in[1 + i] = v_select(m0, v_all(p->start[i]), v_select(m1, v_all(p->stop[i]), x));
+    }
+    if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return 0;
+    if (p->rows) run_masked(I, OF_ROWS, in, constants, out);
+    else run_kernel(&I->guard, in, constants, out, T->work);
+    return out;
+}
+
+/* Guard values at theta, POINTS of them; values (POINTS, guards). Returns 0 when the input function failed. */
+static int guard_values(const Path *p, const double *theta, int count, double *values) {
+    Integrator *I = p->I;
     long n = p->rows ? I->row_count : I->guards;
     for (int k = 0; k < count; k += LANES) {
         V at = v_all(theta[k]);
         for (int l = 0; l < LANES; l++) at[l] = theta[k + l < count ? k + l : count - 1];
-        in[0] = v_fma(at, v_all(p->h), v_all(p->t));
-        V P[65], Q[64], y = at + at - v_all(1.0);
-        legendre_lanes(y, p->s + 1, P);
-        Q[0] = at;
-        for (long q = 1; q < p->s; q++) Q[q] = (P[q + 1] - P[q - 1]) * v_all(1 / (double)(2 * (2 * q + 1)));
-        Mask m0 = at == v_all(0.0), m1 = at == v_all(1.0);
-        for (long i = 0; i < I->nx; i++) {
-            V sum = v_all(0.0);
-            for (long q = p->s - 1; q >= 0; q--) sum = v_fma(Q[q], v_all(p->a[i * p->width + q]), sum);
-            V x = v_fma(v_all(p->h), sum, v_all(p->start[i]));
-            in[1 + i] = v_select(m0, v_all(p->start[i]), v_select(m1, v_all(p->stop[i]), x));
-        }
-        if (!inputs_at(I, in[0], LANES, in + 1 + I->nx)) return 0;
-        if (p->rows) run_masked(I, OF_ROWS, in, constants, out);
-        else run_kernel(&I->guard, in, constants, out, T->work);
+        const V *out = guards_in_lanes(p, at);
+        if (!out) return 0;
         for (int l = 0; l < LANES && k + l < count; l++)
             for (long g = 0; g < n; g++) values[(k + l) * n + g] = out[g][l];
     }

@@ -101,6 +101,20 @@ static int own_inputs_at(Integrator *I, V t, long count, V *u) {
     return 1;
 }
 
+/* So many sides of switches, unless they are there. */
+static void give_sides(Integrator *I, const double *side, long count, V *there) {
+    struct State *T = I->state;
+    if (!count) return;
+    if (memcmp(T->given, side, sizeof(double) * (size_t)count) != 0) {
+        memcpy(T->given, side, sizeof(double) * (size_t)count);
+        T->holders = 0;
+        T->written++;
+    }
+    if (are_given(T, there)) return;
+    for (long k = 0; k < count; k++) there[k] = v_all(side[k]);
+    T->holder[T->holders++ % HOLDERS] = there;
+}
+
 /* The same for a kernel of invariants, where these depend on them; also those that do not change. */
 static int led_by(Integrator *I, V t, long count, V *u) {
     if (!I->led) return 1;
@@ -110,8 +124,7 @@ static int led_by(Integrator *I, V t, long count, V *u) {
 
 /* The same with the sides of switches. */
 static int inputs_at(Integrator *I, V t, long count, V *u) {
-    for (long k = 0; k < I->held; k++) u[I->nu - I->held + k] = v_all(I->state->side[k]);
-    I->state->written++;
+    give_sides(I, I->state->side, I->held, u + I->nu - I->held);
     return own_inputs_at(I, t, count, u);
 }
 

@@ -2,9 +2,8 @@
 
 /* Inputs at t and these masks where the kernel of the projection has them. 0 when the input function failed. */
 static int give_to_projection(Integrator *I, double t, const double *masks) {
-    V *u = I->state->projection_in + 1 + I->nx, *last = u + I->nu - I->held;
-    for (long k = 0; k < I->masks; k++) last[k] = v_all(masks[k]);
-    I->state->written++;
+    V *u = I->state->projection_in + 1 + I->nx;
+    give_sides(I, masks, I->masks, u + I->nu - I->held);
     return led_by(I, v_all(t), 1, u);
 }
 

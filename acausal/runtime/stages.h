@@ -9,6 +9,7 @@
 
 #define SHORTER 0.8  /* steps that are to become shorter than that make rounding looked at */
 
+#define HOLDERS 16    /* arguments of kernels that are known to hold what they were given */
 #define METHODS 4     /* of one integration, at most */
 #define MOST_STAGES 32 /* of one method */
 #define BLOCKS (MOST_STAGES / LANES)
@@ -214,11 +215,13 @@ struct State {
     long *basis, *status, *impact_row, *rests, *held_status, *sticks, *leaves, *margin_rows;
     struct Thin *thin; /* programs for modes, null: there are none; see thin.h */
     double *side;                   /* of masks, then of switches */
-    long written;                   /* how often these have been given to kernels */
+    double *given;                  /* sides that kernels were given last */
+    const V *holder[HOLDERS];       /* where these are */
+    long holders, written;          /* how many places that is; how often they have changed */
     struct Parting parting;
     int jams;                       /* whether slip is looked at that may have come to where nothing smooth leads further */
     double *step_by_side;           /* sizes of steps at either side when it was left; 0: not known */
-    double *row_values, *row_noise, *one_row;
+    double *row_values, *row_noise, *one_row, *at_few; /* at_few: row by row */
     char *far;                      /* whether a row has been far from zero since its switch went over */
     long *overs;                    /* how often each switch went over since the last step */
     char *copied;

@@ -15,6 +15,7 @@
 #define NEAR_END 0.75   /* of a step: ends that lie before that are looked for again, since the inside of a shorter step is known better */
 #define FAR_END 0.25
 #define MOST 30       /* places in a step tried; then it becomes shorter until none is left */
+#define FEW_POINTS 8  /* at which all rows are looked at first */
 #define CORNER 128.0  /* last coefficients of what has a corner between two points, as large as it is there */
 #define AS_MUCH 0.85  /* of the whole: a half varies by no less, so it is nothing but rounding */
 #define AS_OFTEN 4    /* times that tell so */
@@ -32,10 +33,12 @@ static int make_switches(Integrator *I) {
     if (I->directions && I->row_count && !arranged(I, &I->row_change, &T->row_change_in, &T->row_change_out, &T->row_change_c, fixed)) return 0;
     if (I->directions && I->row_count && !I->counted) give_inputs(I, T->row_change_in);
     T->side = reserve_doubles(I, I->held);
+    T->given = reserve_doubles(I, I->held);
     T->overs = reserve(I, sizeof(long) * (size_t)(I->held + I->set_count));
     T->step_by_side = reserve_doubles(I, 2 * I->held);
     T->row_values = reserve_doubles(I, POINTS * I->row_count);
     T->row_noise = reserve_doubles(I, I->row_count);
+    T->at_few = reserve_doubles(I, FEW_POINTS * I->row_count);
     T->far = reserve(I, (size_t)I->row_count);
     T->one_row = reserve_doubles(I, POINTS * I->row_count);
     T->drift = reserve_doubles(I, (COUNTED + 4) * I->nx);
@@ -45,7 +48,7 @@ static int make_switches(Integrator *I) {
         T->chebyshev = reserve_doubles(I, POINTS * POINTS);
         if (T->chebyshev) chebyshev_cosines(T->chebyshev);
     }
-    return I->counted || (T->side && T->overs && T->step_by_side && T->row_values && T->row_noise && T->far && T->one_row && T->drift && T->chance && T->chebyshev);
+    return I->counted || (T->side && T->given && T->overs && T->step_by_side && T->row_values && T->row_noise && T->at_few && T->far && T->one_row && T->drift && T->chance && T->chebyshev);
 }
 
 /* Samples of what rounding of rates has made of states since modes have been decided, into T->drift (COUNTED, nx), where valves change their modes: what nothing else moves is no larger than
@@ -477,18 +480,34 @@ static int is_far_above(const double *v, long row_count, int count, double chang
     return least > changes * (most - least) + finite; /* never, where one of them is no number */
 }
 
-#define FEW_POINTS 8   /* at which all rows are looked at first: */
-#define FAR_CHANGES 2.0 /* where they are all above so many times what they change by there, nothing else is */
+#define FAR_CHANGES 5.0 /* where they are all so many times what they change by to either side at a few points, nothing else is looked for */
 
 /* Whether all rows are so far from zero in a step that nothing is looked for; -1 when the input function failed. */
 static int are_all_far(Path *p) {
     Integrator *I = p->I;
     struct State *T = I->state;
-    double theta[FEW_POINTS];
+    double theta[FEW_POINTS], *values = T->at_few;
     for (int j = 0; j < FEW_POINTS; j++) theta[j] = (double)j / (FEW_POINTS - 1);
-    if (!guard_values(p, theta, FEW_POINTS, T->row_values)) return -1;
-    for (long r = 0; r < I->row_count; r++)
-        if (has_corner(I, r) || !is_far_above(T->row_values + r, I->row_count, FEW_POINTS, FAR_CHANGES)) return 0;
+    for (int k = 0; k < FEW_POINTS; k += LANES) {
+        V at;
+        memcpy(&at, theta + k, sizeof at);
+        const V *out = guards_in_lanes(p, at);
+        if (!out) return -1;
+        for (long r = 0; r < I->row_count; r++) {
+            V value = out[r] * v_all(side_of_row(I, r));
+            memcpy(values + r * FEW_POINTS + k, &value, sizeof value);
+        }
+    }
+    Bits near = i_all(0);
+    for (long r = 0; r < I->row_count; r++) {
+        if (has_corner(I, r)) return 0;
+        V middle = v_all(values[r * FEW_POINTS + FEW_POINTS / 2]), value;
+        for (int k = 0; k < FEW_POINTS; k += LANES) {
+            memcpy(&value, values + r * FEW_POINTS + k, sizeof value);
+            near |= ~(Bits)(v_all(FAR_CHANGES) * v_abs(value - middle) < middle); /* nor is what is no number far */
+        }
+    }
+    if (i_any(near)) return 0;
     memset(T->far, 1, (size_t)I->row_count);
     return 1;
 }

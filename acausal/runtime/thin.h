@@ -33,8 +33,7 @@ struct Thin {
     struct ThinMode *now;
     double *sides; /* of the masks of `now` */
     signed char *key;
-    const V *in; /* whose masks were last found to be those of `now` */
-    long written; /* and how often masks had been written anywhere by then */
+    long written; /* when sides were given that are those of `now`; -1: they are others */
 };
 
 #define NAME_OF(name, result) OP_##name,
@@ -486,15 +485,22 @@ static void look_up_mode(const Integrator *I, const V *masks) {
     memcpy(new->masks, H->key, (size_t)I->masks);
 }
 
+/* Whether these sides are those that were given last. */
+static int are_given(const struct State *T, const V *there) {
+    for (long k = 0; k < T->holders && k < HOLDERS; k++)
+        if (T->holder[k] == there) return 1;
+    return 0;
+}
+
 /* Looks at the masks of `in`, unless nothing can have changed since: asked before each kernel. */
 static void follow_masks(Integrator *I, const V *in, long first) {
     struct Thin *H = I->state->thin;
-    if (H->now && in == H->in && H->written == I->state->written) return;
+    int given = are_given(I->state, in + first);
+    if (H->now && given && H->written == I->state->written) return;
     int other = !H->now;
     for (long k = 0; k < I->masks; k++) other |= in[first + k][0] != H->sides[k];
     if (other) look_up_mode(I, in + first);
-    H->in = in;
-    H->written = I->state->written;
+    H->written = given ? I->state->written : -1;
 }
 
 /* The mode of the masks at `in`, the same in all lanes, if its program is to be carried out; null: the kernel itself is to be taken. */
@@ -526,10 +532,7 @@ static struct ThinMode *thin_mode(Integrator *I, enum Masked which, const V *in)
 /* Whether nothing is corrected in this mode. */
 static int is_still(const Integrator *I) {
     const struct Thin *H = I->state->thin;
-    if (!H || !H->now || H->of != I->programs || !H->now->still) return 0;
-    for (long k = 0; k < I->masks; k++)
-        if (H->sides[k] != I->state->side[k]) return 0;
-    return 1;
+    return H && H->now && H->of == I->programs && H->now->still && memcmp(H->sides, I->state->side, sizeof(double) * (size_t)I->masks) == 0;
 }
 
 /* Results at `in` of a kernel that has masks, if there are any. */
