@@ -134,11 +134,15 @@ def test_derivatives_through_linkages_of_several_loops_are_those_of_differences(
     model, hinge, change = ac.build(scene), scene.hinge("C"), 1e-5
     start = {hinge.q: 0.0, hinge.v: 3.0}
     after, before = (model.simulate(3.0, start | {hinge.v: 3.0 + d}, rtol=1e-12, samples=2) for d in (change, -change))
+    differences = [(after[h.q][-1] - before[h.q][-1]) / (2 * change) for h in scene.hinges]
     for rtol in (1e-9, 1e-12):
-        with pytest.warns(SingularWarning, match="sensitivities"):
-            found = model.sensitivities([0.0, 3.0], [hinge.v], start, rtol=rtol)
-        for h in scene.hinges:
-            assert abs(found[h.q][-1, 0] - (after[h.q][-1] - before[h.q][-1]) / (2 * change)) < 1e-2
+        off = []
+        for part in (0.7, 1.0, 1.5):
+            with pytest.warns(SingularWarning, match="sensitivities"):
+                found = model.sensitivities([0.0, 3.0], [hinge.v], start, rtol=part * rtol)
+            off.append(np.max(np.abs([found[h.q][-1, 0] for h in scene.hinges] - np.array(differences))))
+        assert np.max(off) < 1e-2
+        assert np.median(off) < 1e-4
 
 
 def test_four_bars_in_the_virtual_machine():

@@ -825,6 +825,15 @@ static void shorten(Integrator *I, const Stages *S, double h, double error) {
     I->state->jacobian_fresh = I->state->jacobian_time == I->t;
 }
 
+/* Whether a step that passes a singular position closely is to be tried again but a little shorter: none of its stages may be as near then. */
+static int takes_other_stages(Integrator *I, const Stages *S, double h, int *avoided) {
+    if (!S->exact || *avoided >= AVOIDED) return 0;
+    I->h = 0.95 * h;
+    I->rejected++;
+    ++*avoided;
+    return 1;
+}
+
 static enum Code one_adaptive(Integrator *I) {
     struct State *T = I->state;
     int ends = 0, failed = 0, misses = 0, tries = 0, avoided = 0, asked = 0, landings = 0, refused = -1;
@@ -909,6 +918,10 @@ static enum Code one_adaptive(Integrator *I) {
         if (!(error <= 1)) {
             L.row = -1;
             if (begins_sooner(I, h)) continue;
+            if (S->around && takes_other_stages(I, S, h, &avoided)) {
+                refused--;
+                continue;
+            }
             shorten(I, S, h, error);
             if (++misses > 1 && S->around && I->through == STRAIGHT) made_exact(I);
             continue;
@@ -928,6 +941,10 @@ static enum Code one_adaptive(Integrator *I) {
         int kink = S->s > 2 ? hides_kink(I, S, h, misses > 0) : 0;
         if (kink < 0) return INPUT_FAILED;
         if (kink) {
+            if (takes_other_stages(I, S, h, &avoided)) {
+                refused--;
+                continue;
+            }
             if (T->noisy) T->doubts += CALM * SUSPECT; /* nor is what is no kink */
             I->h = 0.3 * h;
             I->rejected++;
@@ -952,6 +969,10 @@ static enum Code one_adaptive(Integrator *I) {
             T->jacobian_fresh = T->jacobian_time == I->t;
             if (old) {
                 I->h = h;
+                continue;
+            }
+            if (takes_other_stages(I, S, h, &avoided)) {
+                refused--;
                 continue;
             }
             I->h = 0.5 * h;

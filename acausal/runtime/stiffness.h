@@ -334,7 +334,11 @@ static double free_size(const Integrator *I, const Stages *S, double h, long cou
     for (long i = 0; i < I->nx; i++)
         for (long k = 0; k < count; k++) sizes[k] = fmax(sizes[k], heard(S->a[i * width + k], (double)(2 * k + 1) * T->noise[i]) * (h / T->scale[i]));
     for (long k = 0; k < count; k++) largest = fmax(largest, sizes[k]);
-    for (long k = 1; k < count; k++) r = fmax(r, power(sizes[k] / largest, 1 / (double)k));
+    double as_fast = largest; /* largest r^k */
+    for (long k = 1; k < count; k++) {
+        as_fast *= r;
+        if (sizes[k] > as_fast) r = power((as_fast = sizes[k]) / largest, 1 / (double)k);
+    }
     return r > 0 ? h * CAREFUL * power(largest * power(r, order), -1 / (order + 1)) : INFINITY;
 }
 
