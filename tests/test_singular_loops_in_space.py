@@ -476,8 +476,8 @@ def test_what_is_read_next_to_a_flat_position_is_not_thrown_off_by_closing_loops
     runs = [model.simulate(0.6, start, rtol=rtol, samples=2) for rtol in (0.7e-11, 1.4e-11, 1e-11)]
     (q, v), faster = swing(times), 1.2 * G * np.cos(swing(times)[0])
     for pin, sense in zip(scene.pins[:3], (1, 1, -1), strict=True):
-        off = [np.max(np.abs(run.at(times)[pin.v] - sense * v)) for run in runs]
-        assert np.median(off) < 5e-11
+        off = np.abs([run.at(times)[pin.v] - sense * v for run in runs])
+        assert np.quantile(off, 0.9) < 2e-11
         assert np.max(off) < 2e-10
     read = runs[-1].at(times)
     for pin, sense in zip(scene.pins[:3], (1, 1, -1), strict=True):
@@ -488,7 +488,8 @@ def test_what_is_read_next_to_a_flat_position_is_not_thrown_off_by_closing_loops
     if length == 1.0:
         library = Library(model.export_simulator(tmp_path, start))
         found = library.simulate([*times, 0.6], options=library.options(rtol=1e-11))[1][:, :-1]
-        assert np.max(np.abs(np.abs(found[-3:]) - v)) < 5e-11
+        assert np.quantile(np.abs(np.abs(found[-3:]) - v), 0.9) < 2e-11
+        assert np.max(np.abs(np.abs(found[-3:]) - v)) < 2e-10
 
 
 def test_energies_are_the_same_however_near_to_flat_positions_they_are_read():
