@@ -412,6 +412,15 @@ class Functions:
         return Staged.of(name, space.arguments, [found], modes.systems.with_operands(space.put), fold)
 
     @functools.cached_property
+    def led_gaps(self) -> list[int]:
+        """Rows that may hold the same as others do, and depend on time: all that may be closed, if one of them does."""
+        modes = self.outputs.system.modes
+        rows = [] if modes is None or not modes.redundant else list(enumerate(modes.rows))
+        found = [(k, row.moved) for k, row in rows if row.one_sided and not row.one_way]
+        led = bool(found) and ca.depends_on(ca.vertcat(*(moved for _, moved in found)), self.outputs.system.t)
+        return [k for k, _ in found] if led else []
+
+    @functools.cached_property
     def modes(self) -> ModeFunctions | None:
         """What decides which reactions hold, and what is set when; None where all of them hold at all times, and nothing is set."""
         found = set_functions(self.outputs, self.space)

@@ -54,13 +54,11 @@ def warn_if_passed_back(functions: Functions, run: Trajectory) -> bool:
 def warn_if_led_away(functions: Functions, run: Trajectory) -> bool:
     """Say so when what is closed, beside others that hold the same, is not where time leads it: forces that share what cannot be do not tell that one of them gives way; whether it does."""
     modes = functions.outputs.system.modes
-    rows = [] if modes is None or not modes.redundant else list(enumerate(modes.rows))
-    rows = [(k, row) for k, row in rows if row.one_sided and not row.one_way]
-    led = any(ca.depends_on(row.moved, functions.outputs.system.t) for _, row in rows)
-    if not led or (seen := _looked_at(run, [k for k, _ in rows])) is None:
+    if modes is None or not functions.led_gaps or (seen := _looked_at(run, functions.led_gaps)) is None:
         return False
     inside, closed = seen
-    for (_, row), gaps in zip(rows, np.where(closed, inside[ca.vertcat(*(row.moved for _, row in rows))].T, 0.0), strict=True):
+    rows = [modes.rows[k] for k in functions.led_gaps]
+    for row, gaps in zip(rows, np.where(closed, inside[ca.vertcat(*(row.moved for row in rows))].T, 0.0), strict=True):
         worst = int(np.argmax(np.abs(gaps)))
         t = float(inside.t[worst])
         if gaps[worst] and abs(gaps[worst]) > _APART * _rounding(functions, run, row.moved, t):

@@ -346,11 +346,13 @@ def _power_at_ends(functions: Functions, run: Trajectory) -> tuple[np.ndarray, n
     power, met = at_steps(functions, run, functions.power_loss)[0], run.solution.modes
     if met is None:
         return power[:-1], power[1:]
-    t, x = run.steps.t, run.steps.x
-    u = inputs_at_steps(run)
-    masks = met.at_ends(t.size)
-    u[u.shape[0] - masks.shape[0] :, 1:] = masks[:, :-1]  # a mode lasts until the end of the step
-    ends = functions.series(functions.power_loss).glance(t[1:], x[:, 1:], u[:, 1:], run.problem.parameters)[0]
+    ends, masks = power[1:].copy(), met.at_ends(run.steps.t.size)
+    changed = np.flatnonzero((masks[:, 1:] != masks[:, :-1]).any(axis=0))
+    if changed.size:  # a mode lasts until the end of the step
+        u = inputs_at_steps(run, changed + 1)
+        u[u.shape[0] - masks.shape[0] :] = masks[:, changed]
+        at = run.steps.t[changed + 1], run.steps.x[:, changed + 1]
+        ends[changed] = functions.series(functions.power_loss).glance(*at, u, run.problem.parameters)[0]
     return power[:-1], ends
 
 
