@@ -330,7 +330,7 @@ static enum Code accept_step(Integrator *I, Stages *S, double h) {
         T->carry[i] = increment - (x - I->x[i]);
         I->x[i] = x;
     }
-    double passed = h + (I->step > 0 ? T->time_carry : 0), t = I->t + fmax(passed, 0); /* thousands of equal steps round alike */
+    double passed = h + T->time_carry, t = I->t + fmax(passed, 0); /* thousands of steps may round alike */
     I->t = fabs(I->end - t) <= 4 * EPS * fabs(I->end) ? I->end : t;
     T->time_carry = passed - (I->t - begin);
     memcpy(T->factor, I->x, sizeof(double) * (size_t)n);

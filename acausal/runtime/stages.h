@@ -201,7 +201,7 @@ struct State {
     double *lock_noise;
     long *set_fired, *set_by;
     double *led_from, *led_to; /* inputs before and after they jump */
-    double time_carry;         /* what rounding has left of the time, where steps are equal [s] */
+    double time_carry;         /* what rounding has left of the time [s] */
     double open;               /* the last correction onto the invariants, where none would end them */
     double *lifted;    /* masks, while gaps are put to zero */
     double *near_knot; /* gaps, rates and effects of rows just before the last knot */
