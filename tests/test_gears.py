@@ -19,6 +19,7 @@ from components import (
     RotationalDamper,
     RotationalGround,
     RotationalSpring,
+    SlidingMass,
     Torque,
     TorqueSource,
     World,
@@ -336,3 +337,37 @@ def test_a_train_of_gears_swings_as_one_inertia_whichever_of_its_parts_that_is(s
     for shaft, turn in zip(scene.shafts, turns, strict=True):
         assert np.abs(run[shaft.phi] / turn - wanted).max() < 1e-10
     assert run.energy_error() < 1e-9
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_gears_that_close_a_train_hold_with_ratios_that_fit_only_and_exported_models_know_it_wherever_they_stand(seed):
+    """A train and one gear beside it, two racks beside each other: r_1 r_2 ... = r, whatever the ratios are, to rounding. At angles of zero all would fit."""
+    rng = np.random.default_rng(seed)
+    draw = lambda: rng.choice([-1, 1], 2) * 10 ** rng.uniform(-3, 3, 2)  # noqa: E731
+    scene, train, radius = ac.System(), draw(), 10 ** rng.uniform(-3, 3)
+    scene.ratios, scene.radii = [ac.Parameter(r) for r in (*train, train.prod())], [ac.Parameter(radius, "m") for _ in range(2)]
+    scene.shafts, scene.gears = [Inertia(1.0) for _ in range(3)], [Gear(r) for r in scene.ratios]
+    scene.mass, scene.racks = SlidingMass(1.0), [RackAndPinion(r) for r in scene.radii]
+    for gear, a, b in zip(scene.gears, (0, 1, 0), (1, 2, 2), strict=True):
+        scene.connect(scene.shafts[a].flange_b, gear.flange_a)
+        scene.connect(gear.flange_b, scene.shafts[b].flange_a)
+    for rack in scene.racks:
+        scene.connect(scene.shafts[2].flange_b, rack.pinion)
+        scene.connect(rack.rack, scene.mass.flange_a)
+    model = ac.build(scene)
+    holds, values = (
+        model.functions.holds,
+        lambda: np.concatenate([(one := draw()), [one.prod()], np.repeat(10 ** rng.uniform(-3, 3), 2)]),
+    )
+    assert holds is not None and len(model.state_names) == 2
+    for _ in range(4):
+        fit, place = values(), int(rng.integers(5))
+        named = dict(zip((*scene.ratios, *scene.radii), fit, strict=True))
+        parameter = list(named)[place]
+        for x in (np.zeros(2), rng.normal(size=2)):
+            assert holds(0, x, [], fit) >= 0
+            for off in (1e-12, 3e-9, 1.0):
+                assert holds(0, x, [], fit * (1 + off * (np.arange(5) == place))) < 0
+        model.initial_state(parameters=named)
+        with pytest.raises(ParameterError, match="follow"):
+            model.initial_state(parameters=named | {parameter: fit[place] * (1 + 1e-11)})

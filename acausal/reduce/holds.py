@@ -2,7 +2,7 @@
 
 Rows of loops: the pivots of K K' of the kept rows K, each of its usual length, and what is left of the others beside the span of these (Gram and
 Schmidt), and the gaps of crossings that motions would come to. Formulas of linear blocks are put into their equations, rows that follow from others must vanish, and gears that loops hold already must
-be met.
+be met, by lengths that are those of the build.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from acausal.loops.gaps import gap_margins
 from acausal.loops.walk import Walk
 from acausal.numerics.sizes import Drawn
 from acausal.numerics.terms import rounded
-from acausal.numerics.thresholds import SINGULAR
+from acausal.numerics.thresholds import ROUNDING, SINGULAR
 from acausal.reduce.state_space import StateSpace
 from acausal.scalar.decisions import linear_decisions
 
@@ -26,7 +26,11 @@ _FOLLOWS = 1e-10
 """Squares of what may be left of a row that follows from others."""
 _DAMPING = 1e-14
 _VANISHED = 1e-9
-"""What may be left of other rows, of the sum of their terms."""
+"""Of the usual length of a row, what is nothing of it."""
+_SOLVED = 1e-9
+"""What formulas may leave of equations, of the sum of their terms."""
+_DRAWS, _PLACES = 12, 2
+"""Places that are drawn, and of these where a row is looked at."""
 _MET = 1e-4
 """The same of equations that closed loops hold: to tolerances of a run."""
 
@@ -40,25 +44,36 @@ def holds(space: StateSpace) -> ca.SX | None:
             margins += _loops(part)
         if part.parameters and part.trail:
             margins += gap_margins(part)
-    followers = [h.residual for h in s.scalar.redundant]
     blocks = linear_decisions(s.scalar.blocks, s.p).blocks
-    solved = [ca.densify(b.matrix @ b.found - b.right) for b in blocks]
-    rows = space.put(_sampled(ca.vertcat(ca.SX(0, 1), *followers, *solved, space.vanishing), space))
-    for k in range(rows.numel()):
-        if ca.depends_on(rows[k], s.p):
-            margins.append(_VANISHED * rounded(rows[k]) - ca.fabs(rows[k]))
+    solved = ca.vertcat(ca.SX(0, 1), *(ca.densify(b.matrix @ b.found - b.right) for b in blocks))
+    for rows, left in ((solved, _SOLVED), (space.identities, ROUNDING)):
+        sampled = _sampled(space.put(rows), space)
+        margins += ca.vertsplit(left * rounded(sampled) - ca.fabs(sampled))
     if s.scalar.looped and ca.depends_on(s.closing, s.p):
         looped = space.put(ca.vertcat(*(h.residual for h in s.scalar.looped)))
         margins += ca.vertsplit(_MET * rounded(looped) - ca.fabs(looped))
+        margins += [
+            -ca.fabs(s.p[k] - s.p_values[k]) for k in range(s.p.numel()) if ca.depends_on(s.closing, s.p[k])
+        ]  # nothing tells it anew
     return space.put(functools.reduce(ca.fmin, margins)) if margins else None
 
 
 def _sampled(rows: ca.SX, space: StateSpace) -> ca.SX:
-    """With numbers for symbols that are no states, inputs or parameters: what stands for the mechanics in equations of flanges."""
-    s = space.system
-    known = {e.element_hash() for e in ca.symvar(ca.vertcat(s.t, s.x, s.u, space.p))}
-    free = ca.vertcat(ca.SX(0, 1), *(e for e in ca.symvar(rows) if e.element_hash() not in known))
-    return ca.substitute(rows, free, ca.DM(np.random.default_rng(5).uniform(0.5, 1.5, free.numel()))) if free.numel() else rows
+    """Those that depend on parameters, by these: what holds whatever all else is does at places that are drawn, and at a state it may by chance, as equations of
+    angles do where all are zero. Each at the first places where it has a value.
+    """
+    p, built = space.system.p, space.system.p_values
+    rows = ca.vertcat(ca.SX(0, 1), *(row for row in ca.vertsplit(ca.densify(rows)) if ca.depends_on(row, p)))
+    own = {p[i].element_hash() for i in range(p.numel())}
+    free = ca.vertcat(ca.SX(0, 1), *(e for e in ca.symvar(rows) if e.element_hash() not in own))
+    rng, size = np.random.default_rng(5), (free.numel(), _DRAWS)
+    places = rng.uniform(0.5, 1.5, size) * rng.choice([-1.0, 1.0], size)
+    found = np.array(ca.Function("rows", [p, free], [rows])(np.tile(built[:, None], _DRAWS), places)).reshape(
+        rows.numel(), _DRAWS
+    )
+    chosen = [np.flatnonzero(np.isfinite(row))[:_PLACES] for row in found]
+    by_place = [ca.substitute(rows, free, ca.DM(place)) for place in places.T]
+    return ca.vertcat(ca.SX(0, 1), *(by_place[j][k] for k, here in enumerate(chosen) for j in here.tolist()))
 
 
 def clearance(space: StateSpace) -> ca.SX | None:

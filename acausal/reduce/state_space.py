@@ -92,29 +92,23 @@ class StateSpace:
         return [int(i) for i in np.flatnonzero(self._open(rows, self.system.p_values))]
 
     @functools.cached_property
-    def vanishing(self) -> ca.SX:
-        """Invariants (n, 1) in x and p that the elimination has made zero."""
-        if not self.elimination.symbols or self.coordinates is not None:
-            return ca.SX(0, 1)
-        rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants)
-        return self.put(rows[[int(i) for i in np.flatnonzero(~self._open(rows, self.system.p_values))], :])
+    def identities(self) -> ca.SX:
+        """Residuals (n, 1) in t, the system's states and p that are zero whatever x is: invariants that the elimination has made so, and what follows from others."""
+        s = self.system
+        rows = ca.vertcat(ca.SX(0, 1), *(h.residual for h in s.scalar.redundant))
+        if self.elimination.symbols and self.coordinates is None:
+            rows = ca.vertcat(s.position_invariants, s.velocity_invariants, rows)
+        return rows[[int(i) for i in np.flatnonzero(~self._open(rows, s.p_values))], :]
 
     def complaint(self, values: np.ndarray) -> str:
         """What was decided at the build and does not hold at these values of parameters (np,), in words; empty where all holds."""
-        followers = ca.vertcat(ca.SX(0, 1), *(h.residual for h in self.system.scalar.redundant))
-        rows = ca.vertcat(self.system.position_invariants, self.system.velocity_invariants, followers)
-        if not self.elimination.symbols or self.coordinates is not None:
-            rows = followers
-        looped = self.system.scalar.looped
-        changed = np.flatnonzero(values != self.system.p_values).tolist()
-        if looped and ca.depends_on(self.system.closing, self.system.p[changed]):
-            return f"it is open whether loops still hold what these say: {compact(dict.fromkeys(h.name for h in looped), 4)}"
-        if not ca.depends_on(self.put(rows), self.system.p[changed]):
+        s = self.system
+        changed = np.flatnonzero(values != s.p_values).tolist()
+        if s.scalar.looped and ca.depends_on(s.closing, s.p[changed]):
+            return f"it is open whether loops still hold what these say: {compact(dict.fromkeys(h.name for h in s.scalar.looped), 4)}"
+        if not ca.depends_on(self.put(self.identities), s.p[changed]) or not self._open(self.identities, values).any():
             return ""
-        lost = self._open(rows, values) & ~self._open(rows, self.system.p_values)
-        if not lost.any():
-            return ""
-        held = dict.fromkeys(h.name for h in (*self.system.scalar.held, *self.system.scalar.redundant))
+        held = dict.fromkeys(h.name for h in (*s.scalar.held, *s.scalar.redundant))
         return (
             "constraints that follow from others at the build's values do not follow any more, or a coordinate can no longer be found from others: "
             f"{compact(held, 4)}"

@@ -293,6 +293,7 @@ static void end_step_at(Integrator *I, double t) {
     I->times[k] = I->t;
     memcpy(I->states + k * I->nx, I->x, sizeof(double) * (size_t)I->nx);
     memset(T->carry, 0, sizeof(double) * (size_t)I->nx);
+    T->time_carry = 0;
 }
 
 /* End the motion within the last step: state, kept step and its coefficients. */
