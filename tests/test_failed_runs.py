@@ -2,6 +2,7 @@
 
 import re
 import warnings
+from collections.abc import Callable
 
 import casadi as ca
 import numpy as np
@@ -14,6 +15,7 @@ from acausal.errors import AccuracyWarning, SimulationError, StartValueError
 from components import (
     AngleSource,
     Contact,
+    Force,
     HeightField,
     ParametricCurve,
     Particle,
@@ -136,6 +138,21 @@ def test_a_wire_that_bends_at_once_is_told_and_one_that_curves_at_once_is_not(si
             assert float(words.split("wire.q = ")[1].split(":")[0]) == pytest.approx(corner * size, abs=1e-8 * size)
 
 
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_bead_that_turns_round_near_the_end_of_a_step_passes_no_corner(size: float) -> None:
+    # a load begins, and a step ends, just after half a period, where 2e-4 of the speed is there
+    half = np.pi * np.sqrt(size / 9.81)
+    scene = ac.System()
+    height = lambda u: ca.if_else(u > -size, u * u / (2 * size), -u - size / 2)  # noqa: E731
+    scene.world, scene.bead, scene.wire = World(), Particle(1.0), PointOnCurve(ParametricCurve(lambda u: (u, 0, height(u))))
+    scene.load = Force(lambda t: (ca.if_else(t < 1.00006 * half, 0, 0.1), 0, 0))
+    scene.connect(scene.world.frame, scene.wire.frame_a)
+    scene.connect(scene.wire.frame_b, scene.bead.point)
+    scene.connect(scene.load.point, scene.bead.point)
+    run = ac.build(scene).simulate(2 * half, {scene.wire.q: -0.01 * size})
+    assert np.min(np.abs(run.steps.t - 1.00006 * half)) < 1e-12 * half
+
+
 @pytest.mark.parametrize("law", [lambda x, y: x * y / (x**2 + y**2), lambda x, y: ca.sqrt(x - 0.5), lambda x, y: ca.log(y) + x])
 def test_a_ground_without_a_value_where_a_motion_begins_is_told_with_its_line(law) -> None:
     scene = ac.System()
@@ -144,6 +161,17 @@ def test_a_ground_without_a_value_where_a_motion_begins_is_told_with_its_line(la
     scene.connect(scene.ground.frame_b, scene.bead.point)
     with pytest.raises(StartValueError, match=r"'ground' .*no meaning at the start.*not a number there"):
         ac.build(scene).simulate(0.1, {scene.ground.q: (0.0, 0.0)})
+
+
+def words_of(run: Callable[[], object]) -> str:
+    """What warnings, or the error that it ends with, say."""
+    with warnings.catch_warnings(record=True) as told:
+        warnings.simplefilter("always")
+        try:
+            run()
+        except SimulationError as error:
+            return str(error)
+    return "".join(str(one.message) for one in told)
 
 
 @pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
@@ -159,11 +187,12 @@ def test_the_rim_of_a_dome_where_it_is_upright_is_told_with_its_place(rolls: boo
     scene.connect(scene.ground.frame_b, scene.body.frame if rolls else scene.body.point)
     end = scene.body.frame if rolls else scene.body.point
     start = {end.position[0]: -1.0 * size, end.position[1]: 0.3 * size, end.velocity[0]: 2.0 * np.sqrt(size)}
-    with pytest.raises(SimulationError, match=r"'ground' .*slope is infinite") as told:
-        ac.build(scene).simulate(3 * np.sqrt(size), start)
-    assert "inertia" not in str(told.value)
+    words = words_of(lambda: ac.build(scene).simulate(3 * np.sqrt(size), start))
+    assert re.search("'ground' .*slope is infinite", words) and "inertia" not in words
+    if "Integration stopped" not in words:  # it may be thrown back
+        return
     name = "ground.frame_b.position" if rolls else "ground.q"
-    place = [float(str(told.value).split(f"{name}[{k}] = ")[1].split(",")[0].split(". ")[0]) / size for k in (0, 1)]
+    place = [float(words.split(f"{name}[{k}] = ")[1].split(",")[0].split(". ")[0]) / size for k in (0, 1)]
     assert np.hypot(*place) == pytest.approx(2.05 if rolls else 2.0, abs=1e-3)
 
 
@@ -185,13 +214,7 @@ def test_a_bead_straight_onto_a_rim_ends_or_is_told_and_one_close_to_a_pole_is_n
         model, place = ac.build(scene), scene.bead.point
         for speed in speeds:
             start = {place.position[:2]: (-size, aside * size), place.velocity[:2]: (speed * np.sqrt(size), 0.0)}
-            with warnings.catch_warnings(record=True) as told:
-                warnings.simplefilter("always")
-                try:
-                    model.simulate(6 / speed * np.sqrt(size), start)
-                    words = "".join(str(one.message) for one in told)
-                except SimulationError as error:
-                    words = str(error)
+            words = words_of(lambda: model.simulate(6 / speed * np.sqrt(size), start))  # noqa: B023
             assert re.search("'ground' .*slope is infinite", words) if surface is dome else not words, (words, speed)
 
 

@@ -17,6 +17,8 @@ from acausal.wording import compact
 
 _CONTRADICTION = 1e-4
 """Of the powers of a part, what they may be off together."""
+_CLOSE, _LOOKS = 0.03, 65
+"""Of what is zero where a part has no meaning, as it usually is, in a step that loses energy; how often this is looked at."""
 _NEAR = 1e-5
 """Smallest eigenvalue of a loop's matrix against the largest, near a singular position."""
 
@@ -34,6 +36,9 @@ def energy_cause(functions: Functions, run: Trajectory, begin: int, sudden: bool
     if parts:
         named = ", ".join(f"'{part.path}' ({part.component.created_at})" for part in parts)
         return f"The energies that {named} tells do not match the forces: along this motion the powers do not add up to zero."
+    border = _border(functions, run, begin)
+    if border:
+        return border
     if functions.outputs.system.constraints.damped:
         return "Some rows of the loops depend on one another only where they are assembled exactly."
     near = _singular(functions, run)
@@ -42,6 +47,18 @@ def energy_cause(functions: Functions, run: Trajectory, begin: int, sudden: bool
     if sudden:
         return "Most of it is lost in one step: a law or an input may jump there, or more than one motion go on from there."
     return "It grows along the motion: a law may jump again and again, or the tolerance be too coarse for this motion."
+
+
+def _border(functions: Functions, run: Trajectory, begin: int) -> str:
+    """A sentence on the part that came close to where it has no meaning between steps `begin` - 1 and `begin`; empty where none did."""
+    times = np.linspace(run.steps.t[max(begin - 1, 0)], run.steps.t[begin], _LOOKS)
+    for border in () if times[0] == times[-1] else functions.borders:
+        usual, here = (np.abs(run.at(at)[border.values]).reshape(border.values.numel(), -1) for at in (run.steps.t, times))
+        usual, here = np.median(usual, axis=1), np.min(here, axis=1)
+        row = int(np.argmin(here / usual))
+        if here[row] < _CLOSE * usual[row]:
+            return f"{border.who} was close to where it has no meaning then. {border.whys[row]}"
+    return ""
 
 
 def _contradicting(functions: Functions, run: Trajectory) -> list[Part]:

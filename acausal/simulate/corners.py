@@ -15,7 +15,7 @@ from acausal.wording import callers_level
 _BESIDE = 1e-6
 """Of a step: so near to its end velocities are looked at on both sides."""
 _TURNS = 1e-3
-"""Of a velocity, the change over such a time that no smooth guide makes."""
+"""Sine by which no smooth guide turns a velocity in such a time."""
 _SLOW = 1e-4
 """Of the largest speed: where it turns round nothing is told."""
 
@@ -40,8 +40,8 @@ def warn_if_cornered(functions: Functions, run: Trajectory) -> bool:
         place = row + 3
         old, new = before[row:place], after[row:place]
         speed = np.maximum(np.linalg.norm(old, axis=0), np.linalg.norm(new, axis=0))
-        turned = np.linalg.norm(new - old, axis=0)
-        at = np.flatnonzero((turned > _TURNS * speed) & (speed > _SLOW * np.max(speed, initial=0.0)))
+        turned = np.linalg.norm(np.cross(old, new, axis=0), axis=0)  # what only slows down goes on straight
+        at = np.flatnonzero((turned > _TURNS * speed**2) & (speed > _SLOW * np.max(speed, initial=0.0)))
         row = place + len(guide.names)
         if at.size:
             k, corner = int(at[0]), inner[at[:1]]
