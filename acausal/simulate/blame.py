@@ -55,9 +55,9 @@ def _border(functions: Functions, run: Trajectory, begin: int) -> str:
     for border in () if times[0] == times[-1] else functions.borders:
         usual, here = (np.abs(run.at(at)[border.values]).reshape(border.values.numel(), -1) for at in (run.steps.t, times))
         usual, here = np.median(usual, axis=1), np.min(here, axis=1)
-        row = int(np.argmin(here / usual))
-        if here[row] < _CLOSE * usual[row]:
-            return f"{border.who} was close to where it has no meaning then. {border.whys[row]}"
+        close = np.flatnonzero(here < _CLOSE * usual)
+        if close.size:
+            return f"{border.who} was close to where it has no meaning then. {border.whys[close[0]]}"
     return ""
 
 
