@@ -866,9 +866,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (I->max_step > 0) h = fmin(h, I->max_step);
         if (L.row < 0 && I->end - I->t - h < (I->max_step > 0 ? 1e-9 : 1e-3) * h) h = I->end - I->t;
         if (h <= 16 * EPS * fmax(fabs(I->t), fabs(I->end) * 1e-12) || (refused > 0 && is_lost(I, S, h))) {
-            if (!jams(I, first)) return failed_at(I, STEP_UNDERFLOW);
-            L.row = refused = -1;
-            continue;
+            return jams(I, first) ? one_adaptive(I) : failed_at(I, STEP_UNDERFLOW); /* steps that led here say nothing of the next */
         }
         int old = T->newton_now && T->jacobian_fresh && T->jacobian_time != I->t;
         if (T->newton_now && !refresh_jacobian(I)) return INPUT_FAILED;

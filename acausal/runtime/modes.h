@@ -247,7 +247,7 @@ static int strike_without_closing(Integrator *I, Room R) {
     return 1;
 }
 
-/* Slip in a plane that turns until what presses grows beyond all bounds, which takes no time any more, is led there by impulses, as all accelerates. Whether there is such slip. */
+/* Slip in a plane that turns until what presses grows beyond all bounds, which takes no time any more, is led there by impulses, with all else that accelerates. Whether there is such slip; -1 when the input function failed. */
 static int lead_to_jam(Integrator *I, const Decision *D, Room R) {
     struct State *T = I->state;
     long n = D->n;
@@ -261,9 +261,9 @@ static int lead_to_jam(Integrator *I, const Decision *D, Room R) {
             for (long m = 0; m < size; m++) next[m] = D->rate[i + m] + time * R.rate[i + m];
             against(D, f, next, e);
             if (yield_of(D, R, gap) > 0) continue;
+            if (!rate_at(I, I->t, I->x, T->rate)) return -1;
             for (long j = 0; j < n; j++) T->impulse[j] += time * R.push[j];
-            for (long q = 0; q < I->nx; q++)
-                for (long j = 0; j < n; j++) I->x[q] += D->J[q * n + j] * time * R.push[j];
+            for (long q = 0; q < I->nx; q++) I->x[q] += time * T->rate[q];
             return 1;
         }
         memcpy(e, was, sizeof was);
@@ -436,14 +436,23 @@ static int stay_beside(Integrator *I, Decision *D, Room R) {
     return decision_at(I, I->t, I->x, D);
 }
 
-/* Slip that jams is led there and stopped. REACHED_END, NO_MODE where it does not jam, or INPUT_FAILED. */
+/* Whether directions of slips are held now that were not by these masks: they are over before time tells which way they turn, since what presses has grown. */
+static int ends_at_once(const Integrator *I, const double *masks) {
+    int found = 0;
+    for (long f = I->lines; f < frictions_of(I); f++) found |= masks[mask_of(I, f) + 1] == 1 && I->state->side[mask_of(I, f) + 2] == 1;
+    return found;
+}
+
+/* Slip that jams is led there and stopped, unless it is over at once. REACHED_END, NO_MODE where it does not jam, or INPUT_FAILED. */
 static enum Code stop_jam(Integrator *I, Decision *D, Room R, double planned) {
     enum Code code = decide_accelerations(I, R, planned);
     if (code != REACHED_END) return code;
     if (!decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
+    if (ends_at_once(I, I->state->lifted + I->masks)) return REACHED_END;
     look_at_slips(I, D, R, -1, 0);
-    if (!lead_to_jam(I, D, R)) return NO_MODE;
-    if (!decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
+    int led = lead_to_jam(I, D, R);
+    if (led == 0) return NO_MODE;
+    if (led < 0 || !decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
     look_at_slips(I, D, R, -1, 0);
     if (!strike_without_closing(I, R)) return NO_MODE;
     if (!decision_at(I, I->t, I->x, D) || !stay_beside(I, D, R)) return INPUT_FAILED;
