@@ -172,24 +172,35 @@ static void take_part(const Decision *D, const long *law, double *start) {
         for (long k = 0; k < rows_of(D, f) && law[D->gaps + f] == OFF; k++) start[row_of(D, f) + k] = 0;
 }
 
-/* Impulses that stop what slips, as if it were alone, or turn it: Newton's iteration begins with them, until it comes to an answer. Whether there is one. */
-static int stop_slips(Problem *p, Room R) {
+/* Impulses that stop all that holds by the masks there are, or presses and slips, as if nothing else could be, into R.push. */
+static void stop_all(Integrator *I, const Problem *p, Room R) {
+    const Decision *D = p->D;
+    for (long k = 0; k < D->gaps + D->frictions; k++) R.place[k] = k < D->gaps && k >= D->valves && I->state->side[k] == 1 ? HOLDS : OFF;
+    for (long f = 0; f < D->frictions; f++)
+        for (long i = 0; i < D->gaps && R.asked[D->gaps + f] == MAY_HOLD; i++)
+            if (R.place[i] == HOLDS && D->slide_by[f * D->n + i] != 0) R.place[D->gaps + f] = HOLDS;
+    newton_of_laws(p, R.place);
+}
+
+/* Impulses that stop what slips, with all else, or as if it were alone, or turn it: Newton's iteration begins with them, until it comes to an answer. Whether there is one. */
+static int stop_slips(Integrator *I, Problem *p, Room R) {
     const Decision *D = p->D;
     const double large[] = {4, 1.2, 20}; /* times the normal impulse that is needed */
     double damping = p->damping;
     p->damping = 0;
-    for (int k = 0; k < 3 * TURNS; k++) {
+    for (int k = -1; k < 3 * TURNS; k++) {
         double angle = PI * (k % TURNS) / TURNS * (k % 2 ? 2 : -2);
         memset(R.push, 0, sizeof(double) * (size_t)D->n);
         memset(R.centre, 0, sizeof(double) * (size_t)D->n);
         for (long f = 0; f < D->frictions; f++)
-            for (long i = 0, at = row_of(D, f); i < D->gaps && R.asked[D->gaps + f] == MAY_HOLD; i++) {
+            for (long i = 0, at = row_of(D, f); k >= 0 && i < D->gaps && R.asked[D->gaps + f] == MAY_HOLD; i++) {
                 if (R.asked[i] == OFF || D->slide_by[f * D->n + i] == 0) continue;
                 double u = -p->start[at] / unit_of(own_of(D, at)), v = rows_of(D, f) == 2 ? -p->start[at + 1] / unit_of(own_of(D, at + 1)) : 0;
                 R.push[at] = cos(angle) * u - sin(angle) * v;
                 if (rows_of(D, f) == 2) R.push[at + 1] = sin(angle) * u + cos(angle) * v;
                 R.push[i] = large[k / TURNS] * sqrt(u * u + v * v) / D->slide_by[f * D->n + i];
             }
+        if (k < 0) stop_all(I, p, R);
         memcpy(R.law, R.asked, sizeof(long) * (size_t)(D->gaps + D->frictions));
         if (!newton_of_laws(p, R.asked)) continue;
         find_rates(p);
@@ -223,7 +234,7 @@ static int strike_without_closing(Integrator *I, Room R) {
     for (long i = 0; i < n && most > 0; i++) start[i] = (i < D.gaps ? 0 : start[i]) + CLOSING * fast / most * D.free[i];
     most = 0;
     memcpy(R.asked, R.law, sizeof(long) * (size_t)laws);
-    int stopped = T->jams && stop_slips(&p, R);
+    int stopped = T->jams && stop_slips(I, &p, R);
     if (!stopped) {
         memcpy(R.law, R.asked, sizeof(long) * (size_t)laws);
         if (!complementary(&p, R.place, T->lemke, T->basis)) return 0;

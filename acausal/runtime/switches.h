@@ -19,6 +19,8 @@
 #define CORNER 128.0  /* last coefficients of what has a corner between two points, as large as it is there */
 #define AS_MUCH 0.85  /* of the whole: a half varies by no less, so it is nothing but rounding */
 #define AS_OFTEN 4    /* times that tell so */
+#define DIPS 0.1      /* of a step: where a row dips that has been decided to rise, and does, the inside is not known well enough; a shorter one is made, */
+#define SOON_ENOUGH 1e-6 /* of the one that was planned, at least: so soon it has been decided */
 #define HOP 1e-5      /* of a step: how far from its end a switch may go over; the state is moved there */
 
 /* A sample of a disturbance, in roundings. */
@@ -699,6 +701,7 @@ static double first_switch(Path *p, struct Landing *L) {
         first = here;
         L->row = r;
         L->coarse = is_coarse;
+        L->dips = decided && r < first_set(I) && here * p->h <= at_once(I) && v[POINTS - 1] > known;
     }
     L->others_coarse = coarse > L->coarse;
     if (first == 2 && fallen >= 0) {
@@ -749,6 +752,10 @@ static double landing(Integrator *I, const Stages *S, double h, struct Landing *
         if (to < 0) return to;
         p.guard = L->row;
         L->slope = (one_value(&p, to + BACK) - one_value(&p, to)) / (BACK * h);
+        if (L->dips && h > SOON_ENOUGH * T->pace) {
+            L->row = -1;
+            return DIPS;
+        }
         if (++L->total > MOST) return 0.5 * to;
         if (to * h <= at_once(I)) to = 0;
     }
