@@ -303,6 +303,28 @@ static int end_small_slips(const Decision *D, Room R) {
     return found;
 }
 
+/* Where slip in a plane stops against a direction that is held, others that are held as well stop with it (2 in `wanted`), as those of feet of one body, if all of them stick then: one
+   after the other they would let the first go again. Whether there are such. */
+static int stop_together(const Integrator *I, const Decision *D, Room R, long row, long *wanted) {
+    long found = 0, stops = row >= I->one_sided + 2 * I->lines && row < I->one_sided + 2 * frictions_of(I) && R.touching[I->one_sided + (row - I->one_sided) / 2] == 1;
+    for (long f = D->lines; f < D->frictions; f++) {
+        const double *mask = I->state->side + mask_of(I, f);
+        long *touching = R.touching + D->gaps + f;
+        wanted[f] = stops && *touching == 2 && mask[2] == 1 && size_of(D, f, D->rate) <= mask[3];
+        if (wanted[f]) *touching = 1, found = 1;
+    }
+    return found;
+}
+
+/* Whether all of these stick; else they slip as they did. */
+static int all_stick(const Decision *D, Room R, enum Code code, const long *wanted) {
+    int all = code == REACHED_END;
+    for (long f = D->lines; f < D->frictions; f++) all &= !wanted[f] || R.law[D->gaps + f] == HOLDS;
+    for (long f = D->lines; f < D->frictions && !all; f++)
+        if (wanted[f]) R.touching[D->gaps + f] = 2;
+    return all;
+}
+
 /* Slips that have been put to zero by what holds now, as that of the third foot of what stands still on two, are over, too. Whether there are such; -1 when the input function failed. */
 static int end_with_others(Integrator *I, Room R) {
     Decision D;
@@ -526,7 +548,9 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
         leaves[i] = R.touching[i] && rate[i] > (impacts || T->jams ? fmax(D.rate_noise[i], NIL * fabs(R.before[i])) : least_rate(I, &D, i, D.free[i]));
         if (leaves[i]) R.touching[i] = 0;
     }
+    int together = impacts || T->jams || I->directions ? 0 : stop_together(I, &D, R, row, T->sticks_now);
     enum Code code = decide_accelerations(I, R, planned);
+    if (together && !all_stick(&D, R, code, T->sticks_now)) code = decide_accelerations(I, R, planned);
     if (keep_their_ways(&D, R, code)) code = decide_accelerations(I, R, planned);
     int low = code == REACHED_END && fall_back(I, &D, R, rate, leaves), over = 0;
     if (impacts) {

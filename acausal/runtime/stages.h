@@ -220,7 +220,7 @@ struct State {
     char *struck; /* rows in the last impacts */
     double *margin, *blow; /* work, see margin.h and impacts.h */
     unsigned long *impact_after, between;
-    long *basis, *status, *impact_row, *rests, *held_status, *sticks, *leaves, *margin_rows;
+    long *basis, *status, *impact_row, *rests, *held_status, *sticks, *sticks_now, *leaves, *margin_rows;
     struct Thin *thin; /* programs for modes, null: there are none; see thin.h */
     double *side;                   /* of masks, then of switches */
     double *given;                  /* sides that kernels were given last */

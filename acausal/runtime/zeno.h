@@ -23,8 +23,9 @@ static int make_zeno(Integrator *I) {
     T->rest_x = reserve_doubles(I, I->nx + 1);
     T->rests = reserve(I, sizeof(long) * (size_t)(2 * I->one_sided + frictions_of(I) + 1));
     T->sticks = reserve(I, sizeof(long) * (size_t)(I->lines + I->planes + I->patches + 1));
+    T->sticks_now = reserve(I, sizeof(long) * (size_t)(frictions_of(I) + 1));
     T->struck = reserve(I, (size_t)(REMEMBERED * I->one_sided + 1));
-    return I->counted || (T->impact_t && T->impact_x && T->impact_size && T->impact_noise && T->impact_row && T->impact_after && T->held && T->held_status && T->rest_x && T->rests && T->sticks && T->struck);
+    return I->counted || (T->impact_t && T->impact_x && T->impact_size && T->impact_noise && T->impact_row && T->impact_after && T->held && T->held_status && T->rest_x && T->rests && T->sticks && T->sticks_now && T->struck);
 }
 
 /* What values tend to as sizes, of which they are smooth functions, go to zero (Neville), and by how much the last two guesses differ; changes the values. */
