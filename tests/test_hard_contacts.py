@@ -28,6 +28,7 @@ from components import (
     ParametricCurve,
     ParametricSurface,
     Particle,
+    Planar,
     Plane,
     Plate,
     PointOnCurve,
@@ -1161,3 +1162,23 @@ def test_a_light_plank_and_what_it_carries_stop_together() -> None:
     assert {run.modes(foot).words[-1] for foot in (*scene.low, *scene.high)} == {"closed, sticks"}
     for body in (scene.plank, scene.load):
         assert np.linalg.norm(run[body.frame.velocity][-1]) < 1e-12 * abs(speed)
+
+
+@pytest.mark.parametrize("length", [1e-3, 1.0, 1e3])
+def test_ladder_put_against_its_wall_begins_closed_there_and_so_it_does_where_a_motion_goes_on(length: float) -> None:
+    rng, scene = np.random.default_rng(8), ac.System()
+    scene.world, scene.plane, scene.rod = World(), Planar("y"), RigidBody.rod(3.0, (0, 0, length), radius=1e-6 * length)
+    scene.floor, scene.wall = PointOnPlane(unilateral=True), PointOnPlane(unilateral=True)
+    scene.connect(scene.world.frame, scene.plane.frame_a, scene.floor.frame_a)
+    scene.connect(scene.plane.frame_b, scene.rod.frame, scene.floor.frame_b)
+    scene.connect(scene.world.at((0, 0, 0), rotation=("y", np.pi / 2)), scene.wall.frame_a)
+    scene.connect(scene.wall.frame_b, scene.rod.tip)
+    model = ac.build(scene)
+    for lean in rng.uniform(0.05, 0.6, 8):
+        start = {scene.rod.frame.position: (length * np.sin(lean), 0, 0), scene.rod.tip.position: (0, 0, length * np.cos(lean))}
+        run = model.simulate(3 * np.sqrt(length), start)
+        assert abs(run.transitions[0].before[scene.rod.tip.position][2] - 2 / 3 * length * np.cos(lean)) < 1e-10 * length
+        for part in rng.uniform(0.1, 0.9, 2):
+            x = run.at([part * run.t[-1]]).x[:, -1]
+            on = model.simulate((1 - part) * run.t[-1], dict(zip(model.state_names, x, strict=True)))
+            assert np.allclose(on.x[:, -1], run.x[:, -1], atol=1e-7 * length)

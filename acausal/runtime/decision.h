@@ -215,6 +215,8 @@ static int decision_at(Integrator *I, double t, const double *x, Decision *D) {
     for (long i = 0; i < gaps; i++) {
         T->gap_terms[i] = fmax(D->terms[i], 0);
         T->decided_noise[i] = fmax(T->decided_noise[i], (T->begun ? 2 : TOUCHES) * EPS * T->gap_terms[i]); /* where things are put is rounded too */
+        double all = T->begun || D->terms[i] < 0 ? 0 : I->end - I->t, moves = all * (fabs(D->rate[i]) + all * fabs(D->free[i]));
+        if (moves < INFINITY) T->decided_noise[i] = fmax(T->decided_noise[i], TOUCHES * EPS * moves); /* a gap that ends a motion at rest may begin the next one */
     }
     if (I->valves) { /* what they are without reactions is nothing to others */
         memcpy(T->given_free, D->free, sizeof(double) * (size_t)n);
