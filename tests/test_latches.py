@@ -556,6 +556,24 @@ def test_what_is_held_at_the_start_is_assembled_from_a_sketch_and_moves_along_as
     assert ends[0] == pytest.approx(ends[1], abs=2e-8)
 
 
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_what_a_gripper_holds_at_the_start_moves_along_from_where_it_stands(size: float) -> None:
+    scene = arm(size, 1.3)
+    scene.ball = RigidBody(0.4, (0.01 * size**2, 0.02 * size**2, 0.015 * size**2), position=(0.3 * size, 0.2 * size, -1.1 * size))
+    scene.hand = Gripper(held=True)
+    scene.connect(scene.rod.at((0.0, 0.0, -0.8 * size)), scene.hand.frame_a)
+    scene.connect(scene.hand.frame_b, scene.ball.at((0.1 * size, 0, 0), rotation=("x", 0.3)))
+    time, frame = np.sqrt(size), scene.ball.frame
+    run = ac.build(scene).simulate(2.0 * time, {scene.hinge.q: 0.2, scene.hinge.v: 3.0 / time}, rtol=1e-11)
+    assert run.energy_error() < 1e-10 and all(change.energy_lost < 1e-12 * run.kinetic_energy[0] for change in run.transitions)
+    turned, place = run[frame.rotation], run[scene.rod.frame.rotation.T @ frame.position]
+    assert (
+        np.ptp(place, axis=0).max() < 1e-10 * size
+        and np.abs(run[frame.angular_velocity - scene.rod.frame.angular_velocity]).max() < 1e-9 / time
+    )
+    assert np.abs(turned - turned[0]).max() > 0.5
+
+
 @pytest.mark.parametrize("seed", SEEDS)
 def test_box_that_a_gripper_lifts_by_a_rope_over_pulleys_hangs_for_a_hundred_seconds(seed: int) -> None:
     """A winch draws the rope of a gripper by t^3 (10 - 15 t + 6 t^2), and holds it: the box follows its law, and then moves by no more than what roundings of its weight make of it."""

@@ -56,9 +56,13 @@ class Locks:
 
     @property
     def closed_at_start(self) -> ca.SX:
-        """1 for each row (rows, 1) that is held at a start, and not wherever it stands by then."""
-        where = [any(isinstance(declared(s), Discrete) for s in ca.symvar(ca.vertcat(row.gap, row.apart))) for row in self.rows]
-        return ca.vertcat(*(ca.SX(0) if anywhere else row.held for row, anywhere in zip(self.rows, where, strict=True)))
+        """1 for each row (rows, 1) that is held at a start."""
+        return ca.vertcat(*(row.held for row in self.rows))
+
+    def remembered(self, k: int) -> list[Discrete]:
+        """What tells where row k holds, of those that hold wherever they stand by then; their places cannot be wrong at a start."""
+        row = self.rows[k]
+        return [d for s in ca.symvar(ca.vertcat(row.gap, row.apart)) if isinstance(d := declared(s), Discrete)]
 
 
 def locks_of(rows: Sequence[LockRows], motion: Motion) -> Locks:

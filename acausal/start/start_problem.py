@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import functools
+import itertools
 import threading
 from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field, replace
@@ -13,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from acausal.errors import StartValueError
-from acausal.language.expression import Derivative, Expression, Symbol
+from acausal.language.expression import Derivative, Discrete, Expression, Symbol, sx
 from acausal.loops.loop_groups import drawn
 from acausal.numerics.bound import BoundFunction
 from acausal.numerics.folding import folded_function
@@ -225,17 +226,18 @@ def _closing(outputs: Outputs, held: tuple[int, ...]) -> tuple[Closing, Closing]
         signs.append(joint.domain(r.x[item.q, :]))
         who = f"joint '{item.edge.name}' ({joint.created_at})"
         meant += [((who, why), 1) for why in joint.why_outside(signs[-1].numel())]
-    locks = [] if r.locks is None else [(r.locks.rows[k], r.locks.places(k)) for k in held]
-    names = [(f"what {row.part.where} holds", own.stop - own.start) for row, own in locks]
-    signs += [0.5 - row.apart for row, _ in locks]
-    meant += [(None, row.apart.numel()) for row, _ in locks]
-    places = [r.locks.held_places[own] for _, own in locks if r.locks is not None]
-    speeds = [r.locks.held_speeds[own] for _, own in locks if r.locks is not None]
+    locks = [] if r.locks is None else [(r.locks.rows[k], r.locks.places(k), r.locks.remembered(k)) for k in held]
+    names = [(f"what {row.part.where} holds", own.stop - own.start) for row, own, _ in locks]
+    standing = [not remembered for _, _, remembered in locks]
+    signs += [0.5 - row.apart for row, _, remembered in locks if not remembered]
+    meant += [(None, row.apart.numel()) for row, _, remembered in locks if not remembered]
+    places = [r.locks.held_places[own] for _, own, remembered in locks if r.locks is not None and not remembered]
+    speeds = [_now(outputs, r.locks.held_speeds[own], remembered) for _, own, remembered in locks if r.locks is not None]
     position = (
         ("the joints' own conditions (lengths of quaternions, contacts)", r.constraints.joint_invariants.numel()),
         *((words, rows.position.numel()) for words, rows in joints),
         ("the equations of gears and sources", r.scalar.closing.numel()),
-        *names,
+        *itertools.compress(names, standing),
     )
     velocity = (
         *((words, rows.velocity.numel()) for words, rows in joints),
@@ -243,13 +245,19 @@ def _closing(outputs: Outputs, held: tuple[int, ...]) -> tuple[Closing, Closing]
         *names,
     )
     none = ca.SX(0, 1)
-    more = sum(count for _, count in names)
-    known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.closing.numel() + more)
+    more, kept = (ca.vertcat(none, *rows).numel() for rows in (speeds, places))
+    known = drawn(r.constraints.joint_invariants.numel(), loops, r.scalar.closing.numel() + kept)
     known_rates = Drawn.joined([*(rows.drawn for rows in loops), Drawn.exact(r.scalar.velocity.numel() + more)])
     return (
         Closing(ca.vertcat(r.closing, *places), position, ca.vertcat(none, *signs), tuple(meant), known),
         Closing(ca.vertcat(r.velocity_closing, *speeds), velocity, none, (), known_rates),
     )
+
+
+def _now(outputs: Outputs, speeds: ca.SX, remembered: Sequence[Discrete]) -> ca.SX:
+    """Speeds of what is held where it stands: what is remembered of that is as at the start."""
+    starts = [outputs.resolve(sx(d.start)) for d in remembered]
+    return ca.substitute(speeds, ca.vertcat(*(d.sx for d in remembered)), ca.vertcat(*starts)) if remembered else speeds
 
 
 def _free_orientations(outputs: Outputs) -> tuple[list[int], list[int]]:
