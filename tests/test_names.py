@@ -24,6 +24,7 @@ from components import (
     Hard,
     HeightField,
     Line,
+    Particle,
     Plane,
     PointOnCurve,
     PointOnPlane,
@@ -32,6 +33,7 @@ from components import (
     RoughContact,
     Sphere,
     Spherical,
+    Spring,
     TorqueSource,
     World,
 )
@@ -53,7 +55,17 @@ def ball() -> ac.System:
     return chain(2, lambda _: Spherical())
 
 
-@pytest.mark.parametrize("make", [Driven, FourBar, ball])
+def loose() -> ac.System:
+    """A body off its centre and a particle that no joint holds, tied by a spring."""
+    scene = ac.System()
+    scene.world, scene.body, scene.bob = World(), RigidBody(2.0, (1, 2, 2.5), (0.1, 0.2, 0)), Particle(0.5, position=(1, 0, 0.5))
+    scene.spring = Spring(40.0, 0.8)
+    scene.connect(scene.body.at((0.3, 0, 0)), scene.spring.point_a)
+    scene.connect(scene.spring.point_b, scene.bob.point)
+    return scene
+
+
+@pytest.mark.parametrize("make", [Driven, FourBar, ball, loose])
 def test_states_are_read_and_set_by_their_names(make):
     model = ac.build(make())
     speeds = [n for n in model.state_names if ".v" in n][:1]

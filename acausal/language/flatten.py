@@ -82,6 +82,8 @@ class FlatSystem:
     """Of which the parts are parts, by path, the scene first."""
     idle: dict[Reaction, str] = field(default_factory=dict[Reaction, str])
     """Reactions of laws that would hold if they were turned round, see `OneWay`, and their names."""
+    free: dict[Symbol, str] = field(default_factory=dict[Symbol, str])
+    """Coordinates and velocities of bodies that no joint of the scene holds, and their names."""
 
     def __reduce__(self) -> tuple[Any, ...]:
         return FlatSystem, (
@@ -95,6 +97,7 @@ class FlatSystem:
             self.asked,
             self.systems,
             self.idle,
+            self.free,
         )
 
     @functools.cached_property
@@ -203,7 +206,7 @@ class FlatSystem:
     @functools.cached_property
     def _found(self) -> dict[str, Expression]:
         """By name: all symbols, and what else has been asked for."""
-        return {name: symbol for symbol, name in self.names.items()}
+        return {name: symbol for symbol, name in (self.free | self.names).items()}
 
     def at_parts(self, symbol: Symbol) -> Expression | None:
         """What a quantity or variable at a connector of a system is of the parts that touch there; None for any other symbol.

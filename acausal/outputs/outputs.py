@@ -247,7 +247,8 @@ class Outputs:
 
     def name(self, symbol: Symbol) -> str:
         """Full name of a declared symbol, e.g. `arm.elbow.q`."""
-        found = self.system.flat.names.get(symbol)
+        flat = self.system.flat
+        found = flat.names.get(symbol) or flat.free.get(symbol)
         if found is not None:
             return found
         if isinstance(symbol, Quantity):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Sequence
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
@@ -46,9 +47,10 @@ def build_mechanism(flat: FlatSystem) -> Mechanism:
     groups, edges, held = _in_order(rigid_groups(flat), joints, others, gravity)
     _check_points([*edges, *held], forces, groups)
     forces = tuple(sorted(forces, key=functools.partial(_force_key, groups)))
-    edges += _free_edges(len(groups), edges, groups)
-    found = spanning_tree(groups, edges, _driven(flat, forces))
-    return Mechanism(flat, found.groups, found.tree, (*found.cuts, *held), forces, gravity)
+    free = _free_edges(len(groups), edges, groups)
+    found = spanning_tree(groups, [*edges, *free], _driven(flat, forces))
+    names = {symbol: f"{edge.name}.{symbol.name}" for edge in free for symbol in (edge.joint.q, edge.joint.v)}
+    return Mechanism(replace(flat, free=names), found.groups, found.tree, (*found.cuts, *held), forces, gravity)
 
 
 def _in_order(
