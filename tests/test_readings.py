@@ -653,6 +653,7 @@ NUMPY: dict[str, Callable[..., Any]] = {
     "interp": lambda a, b, x: np.interp(x, (0.0, 0.5, 1.0), (1.0, 3.0, 2.0)), "remainder": lambda a, b, x: np.remainder(-x, 0.3), "outer": lambda a, b, x: np.outer(a, b),
     "log10": lambda a, b, x: np.log10(x), "heaviside": lambda a, b, x: np.heaviside(x - 0.5, 0.5), "logical": lambda a, b, x: np.logical_and(x > 0.2, x < 0.6),
     "degrees": lambda a, b, x: np.rad2deg(x) + np.radians(x), "arctanh": lambda a, b, x: np.arctanh(x), "solve": lambda a, b, x: np.linalg.solve(np.outer(a, b) + np.eye(3), a),
+    "%": lambda a, b, x: -x % 0.3, "//": lambda a, b, x: a // 0.2, "&": lambda a, b, x: (a > 0.2) & (b < 0.6), "|": lambda a, b, x: (a > 0.7) | (b < 0.3),
 }  # fmt: skip
 
 

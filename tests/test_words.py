@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
 import warnings
 
 import numpy as np
 import pytest
 
 import acausal as ac
-from acausal.errors import RoundingWarning, UnknownVariableError
+from acausal.errors import RoundingWarning
 from acausal.start.start_problem import start_problem
 from acausal.visual.scene import animation_of
 from acausal.visual.shapes import Disk, Torus
@@ -122,18 +121,6 @@ def test_a_start_that_is_written_anew_finds_the_search_made_for_it():
     others = [{R()[:, 1]: (1, 0, 0), w(): (0, 0, 3)}, {R()[0, :]: (1, 0, 0), w(): (0, 0, 3)}, {2 * R()[:, 0]: (2, 0, 0), w(): 0}]
     problems = [start_problem(outputs, other) for other in others]
     assert len({id(p) for p in (first, *problems)}) == 4
-
-
-def test_coordinates_of_what_no_joint_holds_are_said_by_its_frames() -> None:
-    scene = ac.System()
-    scene.world, scene.ball, scene.bead = World(), RigidBody.ball(1.0, 0.1), Particle(1.0)
-    model = ac.build(scene)
-    for name, words in (
-        ("ball.free.q[0]", "ball.frame.position, ball.frame.rotation"),
-        ("bead.free.v[1]", "bead.point.position, bead.point.velocity"),
-    ):
-        with pytest.raises(UnknownVariableError, match=re.escape(words)):
-            model.simulate(0.1)[name]
 
 
 def test_what_is_handed_out_says_what_it_is() -> None:

@@ -131,6 +131,18 @@ class Expression:
     def __rpow__(self, other: Scalar) -> Expression:
         return _combined(operator.pow, other, self)
 
+    def __mod__(self, other: Scalar) -> Expression:
+        return cast(Expression, np.remainder(cast(Any, self), other))
+
+    def __floordiv__(self, other: Scalar) -> Expression:
+        return cast(Expression, np.floor_divide(cast(Any, self), other))
+
+    def __and__(self, other: Scalar) -> Expression:
+        return _combined(ca.logic_and, self, other)
+
+    def __or__(self, other: Scalar) -> Expression:
+        return _combined(ca.logic_or, self, other)
+
     def __matmul__(self, other: Scalar) -> Expression:
         return _combined(operator.matmul, self, other)
 

@@ -16,7 +16,7 @@ from acausal.errors import DuplicateError, IncompatibleError, ModelError, Unconn
 from acausal.graphs import Graph
 from acausal.language.component import Component, Connection, System
 from acausal.language.conditions import ParameterConditions, asked_by
-from acausal.language.connector import Connector, Frame, Point
+from acausal.language.connector import Connector
 from acausal.language.expression import (
     Condition,
     Discrete,
@@ -163,12 +163,6 @@ class FlatSystem:
         return found
 
     def _hint(self, name: str) -> str:
-        body, free, _ = name.partition(".free.")
-        own = [(c, path) for c, path in self.connector_paths.items() if path.startswith(f"{body}.") and isinstance(c, Point)]
-        if free and own:
-            seat, path = own[0]
-            turned = f", {path}.rotation" if isinstance(seat, Frame) else ""
-            return f" No joint of the scene holds {body}: say {path}.position{turned}, {path}.velocity, or give it a joint of its own, Free()."
         whole, entry = name.rpartition("[")[::2]
         found = (self._found[whole] if whole in self._found else self._quantity(whole)) if entry else None
         if found is not None:
@@ -176,7 +170,7 @@ class FlatSystem:
             return counted if found.shape != (1, 1) else f" Did you mean '{whole}'?"
         read = [f"{path}.{quantity}" for c, path in self.connector_paths.items() for quantity in c.readable()]
         all = compact(self.names.values() or self.connector_paths.values())
-        return nearest(name, [*self.names.values(), *read]) or f" It has: {all}."
+        return nearest(name, [*self.names.values(), *self.free.values(), *read]) or f" It has: {all}."
 
     def symbols(self, given: Any) -> Any:
         """What a user gives, one, a list, or a dictionary's keys, with names replaced by what they stand for."""

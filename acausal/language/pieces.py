@@ -98,8 +98,11 @@ def _column(values: Any, what: str) -> np.ndarray:
         found = np.asarray(values, dtype=float)
     except (TypeError, ValueError, OverflowError):
         raise ParameterError(f"samples: the {what} are no numbers ({origin()}). Give a list of numbers.") from None
-    if found.ndim != 1 or not np.isfinite(found).all():
-        raise ParameterError(f"samples: the {what} must be finite numbers in one row, not of shape {found.shape} ({origin()}).")
+    if found.ndim != 1:
+        raise ParameterError(f"samples: the {what} must be numbers in one row, not of shape {found.shape} ({origin()}).")
+    if not np.isfinite(found).all():
+        k = int(np.argmin(np.isfinite(found)))
+        raise ParameterError(f"samples: entry {k} of the {what} is {found[k]} ({origin()}). Give finite numbers.")
     return found
 
 

@@ -125,8 +125,8 @@ def _columns(functions: Functions, wrt: Sequence[Wanted], start: Start) -> list[
             columns += [_Column(name + (f"[{k}]" if len(places) > 1 else ""), start=at) for k, at in enumerate(places)]
         else:
             raise OptionError(
-                f"sensitivities: {item!r} is not a parameter or an input of this scene, and has no start value in `start`. "
-                "Build with ac.Parameter for what is to vary."
+                f"sensitivities: {expression_name(functions.outputs, item)} is not a parameter or an input of this scene, and has no start value in `start`. "
+                "Give it one, start={variable: value}, or build with ac.Parameter for what is to vary."
             )
     return columns
 

@@ -104,9 +104,9 @@ def start_problem(outputs: Outputs, start: Start, held: tuple[int, ...] = ()) ->
         return known[same]
     for key in start:
         if not isinstance(key, Expression):  # pyright: ignore[reportUnnecessaryIsInstance]  # users pass names and indices
-            raise StartValueError(
-                f"start: the key {key!r} is not a variable. Use the variable itself, e.g. start={{scene.hinge.q: 0.3}}."
-            )
+            own = [n for n in ("q", "v", "position", "velocity") if isinstance(getattr(key, n, None), Expression)]
+            hint = f"one of its variables: .{', .'.join(own)}" if own else "the variable itself"
+            raise StartValueError(f"start: the key {key!r} is not a variable. Use {hint}, e.g. start={{scene.hinge.q: 0.3}}.")
     what = tuple((key, not isinstance(value, near)) for key, value in start.items())
     asked = (*((_identity(key), exact) for key, exact in what), held)
     problem = known.get(asked)
