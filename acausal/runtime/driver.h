@@ -608,7 +608,7 @@ static double until_a_switch(Integrator *I, double h, long *row) {
     double *rate = T->most, *value = T->row_values, soonest = INFINITY;
     if (!I->row_count || I->directions) return INFINITY;
     if (!rate_at(I, I->t, I->x, rate) || !rows_at(I, I->t, I->x)) return -1;
-    memcpy(value, T->one_row, sizeof(double) * (size_t)I->row_count);
+    for (long r = 0; r < I->row_count; r++) value[r] = T->changed_at == I->t && T->one_row[r] <= T->row_noise[r] ? 0 : T->one_row[r]; /* what has just been let go is not to be met */
     for (int tries = 0; tries < NEARINGS; tries++) { /* as seen from where it is to come to zero: beyond that it does something else */
         double found = INFINITY;
         long falls_first = -1;
