@@ -69,13 +69,6 @@ static int refresh_jacobian(Integrator *I) {
     return make_newton(I) && (I->state->jacobian_fresh || jacobian(I, I->t, I->x));
 }
 
-/* Number e of values, or the last one where there are fewer, in lanes from e on. */
-static V in_lanes(const double *values, long stride, long e, long count) {
-    V v = v_all(0.0);
-    for (long l = 0; l < LANES; l++) v[l] = values[(e + l < count ? e + l : count - 1) * stride];
-    return v;
-}
-
 /* The factors of 1 - h lambda J. 0 when it is singular, or memory is short. */
 static int factor_shifted(Integrator *I, const Method *m, double h) {
     measure_sparse_rows(I, h * m->eigen_re[0], h * m->eigen_im[0], I->state->scale);
@@ -106,17 +99,13 @@ static int factorise(Integrator *I, const Method *m, double h) {
 }
 
 /* dK = (1 - h A x J)^-1 R for residuals R of the stage equations, both (blocks, nx) with stages in lanes. */
-static void newton_direction(Integrator *I, const Method *m, const V *R, V *dK) {
+static void newton_direction(Integrator *I, const Stages *of, const V *R, V *dK) {
     struct Sparse *S = &I->state->sparse;
-    long n = I->nx, s = m->stages, count = m->eigenvalues, blocks = (s + LANES - 1) / LANES;
+    long n = I->nx, s = of->s, count = of->method->eigenvalues, blocks = of->blocks;
     memset(dK, 0, sizeof(V) * (size_t)(blocks * n));
-    I->work += direction_cost(I, m);
+    I->work += direction_cost(I, of->method);
     for (long e = 0; e < count; e += LANES) {
-        V re[MOST_STAGES], im[MOST_STAGES];
-        for (long j = 0; j < s; j++) {
-            re[j] = in_lanes(m->W_re + j, s, e, count);
-            im[j] = in_lanes(m->W_im + j, s, e, count);
-        }
+        const V *re = of->W_re + e / LANES * s, *im = of->W_im + e / LANES * s;
         for (long i = 0; i < n; i++) {
             V x = v_all(0.0), y = v_all(0.0);
             for (long j = 0; j < s; j++) {
@@ -130,10 +119,7 @@ static void newton_direction(Integrator *I, const Method *m, const V *R, V *dK) 
         solve_sparse(I, &S->blocks[e / LANES]);
         long here = count - e < LANES ? count - e : LANES;
         for (long b = 0; b < blocks; b++) {
-            for (long l = 0; l < here; l++) {
-                re[l] = in_lanes(m->V_re + e + l, count, b * LANES, s);
-                im[l] = in_lanes(m->V_im + e + l, count, b * LANES, s);
-            }
+            re = of->V_re + b * count + e, im = of->V_im + b * count + e;
             for (long i = 0; i < n; i++)
                 for (long l = 0; l < here; l++) dK[b * n + i] += re[l] * v_all(S->re[n + i][l]) - im[l] * v_all(S->im[n + i][l]);
         }
@@ -172,7 +158,7 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J)
         if (S->around) settle(I, S, S->N, x);
         for (long b = 0; b < S->blocks; b++)
             for (long i = 0; i < n; i++) T->residual[b * n + i] = S->N[b][i] - S->K[b][i];
-        newton_direction(I, m, T->residual, T->dK);
+        newton_direction(I, S, T->residual, T->dK);
         for (long b = 0; b < S->blocks; b++)
             for (long i = 0; i < n; i++) S->K[b][i] += T->dK[b * n + i];
         widen(I, S, S->K, h);

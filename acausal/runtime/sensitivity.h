@@ -148,7 +148,7 @@ static int solve_variation(Integrator *I, Stages *S, double h, long block, V *K)
                 if (ready[l]) continue;
                 for (long j = 0; j < S->blocks * LANES; j++)
                     for (long i = 0, q = (j < s ? j : s - 1) * n; i < n; i++, q++) T->residual[j / LANES * n + i][j % LANES] = N[q][l] - K[q][l];
-                newton_direction(I, S->method, T->residual, T->dK);
+                newton_direction(I, S, T->residual, T->dK);
                 for (long j = 0; j < s; j++)
                     for (long i = 0, q = j * n; i < n; i++, q++) N[q][l] = K[q][l] + T->dK[j / LANES * n + i][j % LANES];
             }

@@ -22,6 +22,7 @@ typedef struct {
     V *mu, *to_legendre; /* (blocks, blocks * LANES): columns, zero beyond s */
     V *c, *b, *hb, *counted, *odd; /* odd: 2 k + 1 for coefficient k */
     V *in[BLOCKS], *K[BLOCKS], *N[BLOCKS], *L[BLOCKS], *saved[BLOCKS]; /* per block: arguments of rhs, rates, new rates, h b K, rates to go back to */
+    V *W_re, *W_im, *V_re, *V_im; /* of Newton's iteration: (eigenvalues in lanes, s), (stages in lanes, eigenvalues) */
     double *a; /* Legendre coefficients of the rates, (nx, blocks * LANES) */
     V *G[BLOCKS], *H[BLOCKS]; /* where `around`: the rates' parts along the branch, now and after the next iteration */
     double *clear, *clear_of_all; /* clearances, and products of them */
@@ -115,6 +116,13 @@ static void columns_of(V *columns, const double *matrix, long s, long blocks) {
                 long row = b * LANES + l;
                 columns[(b * blocks * LANES) + k][l] = matrix[(row < s ? row : s - 1) * s + k];
             }
+}
+
+/* Number e of values, or the last one where there are fewer, in lanes from e on. */
+static V in_lanes(const double *values, long stride, long e, long count) {
+    V v = v_all(0.0);
+    for (long l = 0; l < LANES; l++) v[l] = values[(e + l < count ? e + l : count - 1) * stride];
+    return v;
 }
 
 #define TARGET 0.65 /* of the step size at which a Radau step's error would be one */
@@ -346,7 +354,10 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
     S->clear = (double *)reserve_lanes(I, B);
     S->clear_of_all = (double *)reserve_lanes(I, B);
     S->a = (double *)reserve_lanes(I, B * I->nx);
-    int all = S->mu && S->to_legendre && S->c && S->b && S->hb && S->counted && S->odd && S->tau && S->clear && S->clear_of_all && S->a;
+    long count = I->newton == NEVER ? 0 : m->eigenvalues, some = (count + LANES - 1) / LANES * s;
+    V **eigen[] = {&S->W_re, &S->W_im, &S->V_re, &S->V_im};
+    for (int k = 0; k < 4; k++) *eigen[k] = reserve_lanes(I, k < 2 ? some : B * count);
+    int all = S->W_re && S->W_im && S->V_re && S->V_im && S->mu && S->to_legendre && S->c && S->b && S->hb && S->counted && S->odd && S->tau && S->clear && S->clear_of_all && S->a;
     for (long b = 0; b < B; b++) {
         S->in[b] = reserve_lanes(I, I->rhs.inputs);
         S->K[b] = reserve_lanes(I, I->nx);
@@ -363,6 +374,14 @@ static int make_stages(Integrator *I, Stages *S, const Method *m) {
     if (!all) return 0;
     columns_of(S->mu, m->mu, s, B);
     columns_of(S->to_legendre, m->to_legendre, s, B);
+    for (long k = 0; k < some; k++) {
+        S->W_re[k] = in_lanes(m->W_re + k % s, s, k / s * LANES, count);
+        S->W_im[k] = in_lanes(m->W_im + k % s, s, k / s * LANES, count);
+    }
+    for (long k = 0; k < B * count; k++) {
+        S->V_re[k] = in_lanes(m->V_re + k % count, count, k / count * LANES, s);
+        S->V_im[k] = in_lanes(m->V_im + k % count, count, k / count * LANES, s);
+    }
     for (long b = 0; b < B; b++) {
         for (long l = 0; l < LANES; l++) {
             long j = b * LANES + l;
