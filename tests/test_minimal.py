@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+import itertools
 import pickle
 
 import casadi as ca
@@ -332,6 +333,25 @@ def test_charts_are_the_same_in_all_units_of_length(power):
         one, other = charts
         assert one.choice == other.choice
         assert abs(one.conditioning - other.conditioning) < 1e-9 * one.conditioning
+
+
+@pytest.mark.parametrize("order", [(1e-7, 1e6), (1e9, 1e-9)])
+def test_a_mechanism_beside_one_that_is_much_larger_moves_on_its_own_chart(order):
+    """Two four-bars with no gravity in one scene: each angle as where one is alone, whatever its size."""
+    scene = ac.System()
+    scene.world, scene.bars, scene.hinges = World(None), [], []
+    for size in order:
+        at = size * np.array([(0, 0, 0), (0.3, 0, 0), (1.1, 0, 0.9), (1.2, 0, 0)])
+        bars = [RigidBody.rod(1.0, tuple(b - a), position=tuple(a)) for a, b in itertools.pairwise(at)]
+        parts = [scene.world, *bars, scene.world]
+        scene.bars += bars
+        scene.hinges += [Revolute.between(a, b, at=tuple(p), axis="y") for a, b, p in zip(parts, parts[1:], at, strict=False)]
+    start = {scene.hinges[0].v: 2.0, scene.hinges[4].v: 2.0}
+    minimal = ac.build(scene).minimal(start)
+    assert len(minimal.state_names) == 4
+    run = minimal.simulate(3.0, rtol=1e-10, samples=9)
+    for one, other in zip(scene.hinges[:4], scene.hinges[4:], strict=True):
+        assert np.max(np.abs(run[one.q] - run[other.q])) < 1e-8 < np.ptp(run[one.q])
 
 
 def test_motion_in_the_virtual_machine():

@@ -154,7 +154,8 @@ class Manifold:
         position, rate = (
             np.array(J) * units for J, units in zip(self._slopes(t, x, p), (self.units_c, self.units_w), strict=True)
         )
-        return Slopes(scaled_rows(position, self._samples[0]), scaled_rows(rate, self._samples[1]))
+        much = self.row_sizes
+        return Slopes(scaled_rows(position, self._samples[0], much[0]), scaled_rows(rate, self._samples[1], much[1]))
 
 
 def _greatest(samples: list[np.ndarray]) -> np.ndarray:

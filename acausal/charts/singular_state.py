@@ -11,6 +11,9 @@ from acausal.numerics.thresholds import CROSSING
 from acausal.outputs.functions import Functions
 from acausal.wording import compact
 
+_NOTHING = 1e-12
+"""Of what is much for a row, what is rounding."""
+
 
 def singularity(functions: Functions, t: float, x: np.ndarray, p: np.ndarray) -> tuple[float, np.ndarray]:
     """How independent the loops' constraints are at a state x (nx,), time t [s], parameters p (np,): of the singular values of their rows,
@@ -52,8 +55,8 @@ def singular_loops(functions: Functions, t: float, x: np.ndarray, p: np.ndarray,
     )
 
 
-def scaled_rows(J: np.ndarray, samples: Sequence[np.ndarray]) -> np.ndarray:
-    """J (m, n), each row divided by its largest length there and in `samples`; rows of rounding errors become zero."""
+def scaled_rows(J: np.ndarray, samples: Sequence[np.ndarray], much: np.ndarray | float = 0.0) -> np.ndarray:
+    """J (m, n), each row divided by its largest length there and in `samples`; those that are rounding errors beside what is `much` (m,) for each become zero."""
     size = np.max([np.linalg.norm(rows, axis=1) for rows in (J, *samples)], axis=0)
-    size[size <= 1e-12 * np.max(size, initial=0.0)] = np.inf
+    size[size <= _NOTHING * much] = np.inf
     return J / size[:, None]
