@@ -331,8 +331,10 @@ static double free_size(const Integrator *I, const Stages *S, double h, long cou
     const struct State *T = I->state;
     long width = S->blocks * LANES;
     double sizes[64] = {0}, largest = 0, r = 0, order = (double)S->method->order;
-    for (long i = 0; i < I->nx; i++)
-        for (long k = 0; k < count; k++) sizes[k] = fmax(sizes[k], heard(S->a[i * width + k], (double)(2 * k + 1) * T->noise[i]) * (h / T->scale[i]));
+    for (long i = 0; i < I->nx; i++) {
+        double noise = fmax(T->noise[i], LEFT * T->scale[i] / h); /* less is what the iteration leaves */
+        for (long k = 0; k < count; k++) sizes[k] = fmax(sizes[k], heard(S->a[i * width + k], (double)(2 * k + 1) * noise) * (h / T->scale[i]));
+    }
     for (long k = 0; k < count; k++) largest = fmax(largest, sizes[k]);
     double as_fast = largest; /* largest r^k */
     for (long k = 1; k < count; k++) {
