@@ -9,7 +9,7 @@ from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from os import PathLike
-from typing import Any, final
+from typing import Any, Generic, TypeVar, final
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element
 
@@ -23,7 +23,7 @@ from acausal.language.equation import Equation, equal
 from acausal.language.expression import Scalar, flag, number, scalar
 from acausal.language.origin import origin
 from acausal.visual import shapes as drawn
-from acausal.wording import callers_level, nearest
+from acausal.wording import callers_level, compact, nearest
 from components.bodies import Fixed, RigidBody, check_physical
 from components.clutches import Brake
 from components.joints.free import Free
@@ -34,6 +34,7 @@ from components.orientation import axis_vector, rotation_about
 from components.rotational import RotationalDamper, RotationalGround, not_zero
 from components.translational import TranslationalDamper, TranslationalGround
 
+T = TypeVar("T")
 Joint = Revolute | Prismatic | Planar | Free
 _KINDS: Mapping[str, Callable[[tuple[float, ...]], Joint]] = {
     "revolute": Revolute,
@@ -52,6 +53,19 @@ class Limits:
     upper: float = math.inf
     speed: float = math.inf
     effort: float = math.inf
+
+
+class _ByName(dict[str, T], Generic[T]):
+    """What a robot has of a kind, by its names in the file; `otherwise`: what else a name may be that is none of these."""
+
+    def __init__(self, kind: str, otherwise: str = "") -> None:
+        super().__init__()
+        self.kind, self.otherwise = kind, otherwise
+
+    def __missing__(self, name: str) -> T:
+        raise ParameterError(
+            f"The robot has no {self.kind} {shown(name)} ({origin()}).{nearest(str(name), self)}{self.otherwise} It has: {compact(self) or 'none'}."
+        )
 
 
 @final
@@ -113,10 +127,10 @@ class Robot(System):
     ) -> None:
         robot, self._source = _read(description)
         rubs, still = flag(friction, "Robot's friction"), _places(held)
-        self.links: dict[str, RigidBody] = {}
+        self.links: dict[str, RigidBody] = _ByName("link with mass", " Of one without mass say frame(name).")
         self.massless: dict[str, Fixed] = {}
-        self.joints: dict[str, Joint] = {}
-        self.limits: dict[str, Limits] = {}
+        self.joints: dict[str, Joint] = _ByName("joint that moves")
+        self.limits: dict[str, Limits] = _ByName("limit of a joint")
         self.mounts: dict[str, Fixed] = {}
         self.dampers: dict[str, RotationalDamper | TranslationalDamper] = {}
         self.grounds: dict[str, RotationalGround | TranslationalGround] = {}

@@ -248,6 +248,11 @@ def test_what_cannot_be_is_said_by_name(text: str, words: str) -> None:
 
 
 def test_other_mistakes_are_said() -> None:
+    robot = Robot(said_of('<link name="base"/>' + LINK.format("arm") + JOINT.format("elbow", "base", "arm", "")))
+    with pytest.raises(ParameterError, match=r"no joint that moves 'elbw' .*Did you mean 'elbow'"):
+        robot.joints["elbw"]
+    with pytest.raises(ParameterError, match=r"no link with mass 'base' .*frame\(name\)"):
+        robot.links["base"]
     good = TWO_SLIDES.format(damping=0, friction=0)
     for wrong, words in (
         ({"held": {"onee": 1.0}}, "Did you mean 'one'"),
