@@ -1206,3 +1206,33 @@ def test_spinning_coin_bounces_to_rest_on_its_edge_however_long_it_is_watched(si
         assert push.min() >= 0 and (rub - mu * push).max() < 1e-9 * push.max()
         weight = 0.01 * run[frame.acceleration + np.array([0, 0, 9.81])]
         assert np.abs(weight - run[scene.contact.friction_force] - push[:, None] * np.array([0, 0, 1])).max() < 1e-9 * push.max()
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_pin_turns_a_geneva_wheel_between_the_walls_of_its_slot(size: float) -> None:
+    """Both walls are on one wheel and one driven pin: loops that are redundant. Where a wall is touched the wheel's angle is that of the pin, beside by half a slot."""
+    a, half, rate = 0.1 * size, 1e-3 * size, 2.0
+    middle, slot = a * np.sqrt(2), 1.25 * np.pi
+    scene = ac.System()
+    scene.world, scene.drive = World(gravity=None), PrescribedMotion(angle=rate * ac.time - 0.2 - np.pi / 4)
+    scene.pin, scene.hinge, scene.wheel = RigidBody.ball(0.01, 0.01 * size), Revolute("z"), RigidBody.ball(1.0, 0.1 * size)
+    scene.connect(scene.world.frame, scene.drive.frame_a)
+    scene.connect(scene.drive.frame_b, scene.pin.frame)
+    scene.connect(scene.world.at((middle, 0, 0)), scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.wheel.frame)
+    along, aside = np.array([np.cos(slot), np.sin(slot), 0]), np.array([-np.sin(slot), np.cos(slot), 0])
+    scene.walls = []
+    for side in (1, -1):
+        wall = ParametricCurve(lambda u, side=side: ca.DM(along) * u + ca.DM(side * half * aside), (0.2 * a, a), "m")
+        scene.walls.append(PointOnCurve(wall, unilateral=True, side="z" if side > 0 else "-z"))
+        scene.connect(scene.wheel.frame, scene.walls[-1].frame_a)
+        scene.connect(scene.walls[-1].frame_b, scene.pin.at((a, 0, 0)))
+    run = ac.build(scene).simulate((np.pi / 2 + 0.5) / rate, {scene.hinge.q: 0.0, scene.hinge.v: 0.0})
+    pin = run[scene.pin.at((a, 0, 0)).position][:, :2] - (middle, 0)
+    beside = np.unwrap(np.arctan2(pin[:, 1], pin[:, 0])) % (2 * np.pi) - slot - run[scene.hinge.q].ravel()
+    play = np.arcsin(half / np.linalg.norm(pin, axis=1))
+    for wall, side in zip(scene.walls, (1, -1), strict=True):
+        held = run[wall.normal_force].ravel() > 0
+        assert held.sum() > 50 and np.abs(beside - side * play)[held].max() < 1e-9
+    inside = np.linalg.norm(pin, axis=1) < a
+    assert (np.abs(beside) - play)[inside].max() < 1e-9 and run.energy_error() < 1e-9

@@ -13,7 +13,9 @@ from acausal.parts.pose import symbolic
 from acausal.reduce.holding import Reduced
 
 _NEARER = 4
-"""Steps of Newton's that bring coordinates drawn at random back to where quaternions have the length 1."""
+"""Steps of Newton's that bring coordinates drawn at random back to where quaternions have the length 1 and loops close."""
+_CLOSED = 1e-6
+"""What may be left of that: where loops are open reactions may move what they hold in any sense."""
 
 
 class Placed(Reduced, Protocol):
@@ -28,7 +30,10 @@ class Placed(Reduced, Protocol):
 def places(system: Placed) -> tuple[tuple[Any, ...], ...]:
     """Values of t, x, u and p at some configurations, here and there where joints have coordinates, and with velocities at random."""
     rng = np.random.default_rng(8)
-    own, q = system.constraints.joint_invariants, system.x[: system.nq, :]
+    own, q = (
+        ca.vertcat(system.constraints.joint_invariants, *(rows.position for rows in system.constraints.loops)),
+        system.x[: system.nq, :],
+    )
     known = [system.t, system.x, system.u, system.p]
     off = ca.Function("off", known, [ca.densify(own), ca.densify(ca.jacobian(own, q))])
     domain = ca.vertcat(ca.SX(1), *(item.edge.joint.domain(system.x[item.q, :]) for item in system.tree_joints))
@@ -43,7 +48,8 @@ def places(system: Placed) -> tuple[tuple[Any, ...], ...]:
                 c, J = (np.array(part) for part in off(0.0, np.concatenate([place, rates]), system.u_defaults, system.p_values))
                 place = place - np.linalg.lstsq(J, c[:, 0])[0] if np.isfinite(J).all() else place
             values = 0.0, np.concatenate([place, rates]), system.u_defaults, system.p_values
-            if float(inside(*values)) > 0:
+            left = np.abs(np.array(off(*values)[0])).max(initial=0.0) if own.numel() and spread else 0.0
+            if float(inside(*values)) > 0 and not left > _CLOSED:
                 found.append(values)
     return tuple(found)
 
