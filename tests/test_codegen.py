@@ -24,11 +24,12 @@ from numpy.typing import NDArray
 from scipy.special import erfinv
 
 import acausal as ac
-from acausal.emit import compiler, instructions, library
+from acausal.emit import compiler, library
 from acausal.emit.emit import Source, emit, translation_units
-from acausal.emit.statements import BINARY, UNARY
 from acausal.errors import ExportError, NoCompilerWarning, NoRuntimeError
 from acausal.integrators import automatic
+from acausal.numerics import instructions
+from acausal.numerics.instructions import BINARY, UNARY
 from acausal.outputs import functions as lower
 from acausal.runtime import kernels, load
 from acausal.runtime.integrand import Integrand

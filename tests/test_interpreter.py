@@ -22,8 +22,8 @@ from acausal.emit.compiler import cached_library, compiler
 from acausal.emit.emit import Source, translation_units
 from acausal.emit.library import SOURCES
 from acausal.emit.program_source import emit_program
-from acausal.emit.statements import BINARY, UNARY
 from acausal.errors import ExportError
+from acausal.numerics.instructions import BINARY, UNARY
 from acausal.runtime import native as problems
 from acausal.runtime.kernels import Compilation, How, Kernel, Kernels, Wanted
 from acausal.runtime.kernels import interpreted as as_program

@@ -14,11 +14,11 @@ from pathlib import Path
 import casadi as ca
 
 from acausal.emit.statements import ANSWER, LEAVES, SYSTEM, Statements, statements
-from acausal.numerics import staged
+from acausal.numerics import instructions, staged
 
 EMITTER = (
-    *(Path(__file__).with_name(f"{name}.py") for name in ("emit", "instructions", "statements", "program", "program_source")),
-    Path(staged.__file__),
+    *(Path(__file__).with_name(f"{name}.py") for name in ("emit", "statements", "program", "program_source")),
+    *map(Path, (instructions.__file__, staged.__file__)),
 )
 """The files that make C: whoever keeps it depends on their content."""
 

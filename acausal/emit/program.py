@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from acausal.emit.statements import BINARY, UNARY
+from acausal.numerics.instructions import BINARY, UNARY
 
 END, LOAD, STORE, NUMBER, SINCOS = range(5)
 CODES = {code: k for k, code in enumerate((*UNARY, *BINARY), 5)}

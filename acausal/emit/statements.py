@@ -11,25 +11,11 @@ from itertools import accumulate
 import casadi as ca
 import numpy as np
 
-from acausal.emit.instructions import instructions
 from acausal.errors import ExportError
+from acausal.numerics.instructions import BINARY, UNARY, instructions
 from acausal.numerics.staged import Function, LinearSystem, systems_of
 from acausal.numerics.uncollected import uncollected
 
-UNARY = tuple(
-    getattr(ca, f"OP_{name}")
-    for name in (
-        "NEG", "SQ", "TWICE", "INV", "SQRT", "FABS", "NOT", "SIGN", "EXP", "LOG", "SIN", "COS", "TAN", "ASIN", "ACOS", "ATAN", "SINH",
-        "COSH", "TANH", "ASINH", "ACOSH", "ATANH", "FLOOR", "CEIL", "ERF", "ERFINV", "LOG1P", "EXPM1",
-    )
-)  # fmt: skip
-BINARY = tuple(
-    getattr(ca, f"OP_{name}")
-    for name in (
-        "ADD", "SUB", "MUL", "DIV", "LT", "LE", "EQ", "NE", "AND", "OR", "IF_ELSE_ZERO", "POW", "FMIN", "FMAX", "FMOD", "REMAINDER",
-        "COPYSIGN", "ATAN2", "HYPOT",
-    )
-)  # fmt: skip
 _UNARY, _BINARY = frozenset(UNARY), frozenset(BINARY)
 LEAVES = (ca.OP_INPUT, ca.OP_CONST)
 _COPY = (ca.OP_ASSIGN, ca.OP_LIFT)

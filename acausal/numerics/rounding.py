@@ -10,13 +10,15 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.instructions import UNARY, instructions
+
 _EPS = float(np.finfo(float).eps)
 _ENLARGED = 2.0**-40
 _SAMPLES = 7
 _erf = np.vectorize(math.erf, otypes=[float])
 
 _EXACT: dict[int, Callable[..., np.ndarray]] = {
-    ca.OP_ASSIGN: lambda a: a, ca.OP_LIFT: lambda a, _: a, ca.OP_NEG: np.negative, ca.OP_TWICE: lambda a: a + a, ca.OP_FABS: np.abs,
+    ca.OP_ASSIGN: lambda a, _: a, ca.OP_LIFT: lambda a, _: a, ca.OP_NEG: np.negative, ca.OP_TWICE: lambda a: a + a, ca.OP_FABS: np.abs,
     ca.OP_FMIN: np.fmin, ca.OP_FMAX: np.fmax,
 }  # fmt: skip
 """Operations without rounding."""
@@ -46,19 +48,6 @@ class Rounding:
 
     function: ca.Function
 
-    @functools.cached_property
-    def _instructions(self) -> list[tuple[int, list[int], list[int], float]]:
-        f = self.function
-        return [
-            (
-                code := f.instruction_id(k),
-                f.instruction_output(k),
-                f.instruction_input(k),
-                f.instruction_constant(k) if code == ca.OP_CONST else 0.0,
-            )
-            for k in range(f.n_instructions())
-        ]
-
     def __call__(self, t: float, x: np.ndarray, *fixed: np.ndarray, spread: np.ndarray | None = None) -> np.ndarray:
         """Sizes (entries of the result,) at t, x and further arguments that are exact; `spread` (nx,): how uncertain x is besides."""
         size = np.abs(x) if spread is None else np.abs(x) + spread / _EPS
@@ -82,24 +71,26 @@ class Rounding:
         work = np.zeros((f.sz_w() + 1, _SAMPLES + 1, points))
         result = np.zeros((f.nnz_out(0), _SAMPLES + 1, points))
         with np.errstate(all="ignore"):
-            for k, (code, to, of, number) in enumerate(self._instructions):
+            table, numbers = instructions(f)
+            for k, (code, to, one, other) in enumerate(table):
+                of = (one,) if code in UNARY else (one, other)
                 if code == ca.OP_INPUT:
-                    work[to[0]] = columns[of[0]][of[1]]
+                    work[to] = columns[one][other]
                 elif code == ca.OP_OUTPUT:
-                    if to[0] == 0:
-                        result[to[1]] = work[of[0]]
+                    if to == 0:
+                        result[other] = work[one]
                 elif code == ca.OP_CONST:
-                    work[to[0]] = number
+                    work[to] = numbers[k]
                 elif code in _ROUNDED:
-                    work[to[0]] = _ROUNDED[code](*(work[i] for i in of)) * factors[k][:, None]
+                    work[to] = _ROUNDED[code](*(work[i] for i in of)) * factors[k][:, None]
                 elif code in _EXACT:
-                    work[to[0]] = _EXACT[code](*(work[i] for i in of))
+                    work[to] = _EXACT[code](*(work[i] for i in of))
                 elif code in _DECISIONS:
-                    work[to[0]] = _DECISIONS[code](*(work[i][0] for i in of))
+                    work[to] = _DECISIONS[code](*(work[i][0] for i in of))
                 elif code == ca.OP_IF_ELSE_ZERO:
-                    work[to[0]] = np.where(work[of[0]][0] != 0, work[of[1]], 0.0)
+                    work[to] = np.where(work[one][0] != 0, work[other], 0.0)
                 elif code == ca.OP_COPYSIGN:
-                    work[to[0]] = np.copysign(work[of[0]], work[of[1]][0])
+                    work[to] = np.copysign(work[one], work[other][0])
                 else:
                     return (nothing := np.full((result.shape[0], points), np.nan)), nothing
             spreads = np.max(np.abs(result[:, 1:] - result[:, :1]), axis=1)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from acausal.numerics.instructions import operations
 from acausal.numerics.staged import Function, Staged, Systems, composed, systems_of
 
 COMPARED = (ca.OP_LT, ca.OP_LE, ca.OP_FMIN, ca.OP_FMAX)
@@ -51,8 +52,7 @@ def switching(given: Function, *others: Function) -> Switching | None:
         return None
     parts = [function, *(systems_of(other)[0] for other in others)]
     ends = np.cumsum([part.size1_out(0) for part in parts]).tolist()
-    codes = {part.instruction_id(k) for part in parts for k in range(part.n_instructions())}
-    if not codes & _SWITCHES:
+    if not any(map(has_switches, parts)):
         return None
     if others:
         function, shapes = systems_of(
@@ -85,7 +85,7 @@ def switching(given: Function, *others: Function) -> Switching | None:
 
 def has_switches(function: ca.Function) -> bool:
     """Whether an SX function switches anywhere."""
-    return any(function.instruction_id(k) in _SWITCHES for k in range(function.n_instructions()))
+    return bool(operations(function) & _SWITCHES)
 
 
 def switches(expression: ca.SX, operations: Collection[int]) -> list[ca.SX]:

@@ -22,6 +22,7 @@ from acausal.language.expression import Expression, Symbol
 from acausal.language.flatten import Part
 from acausal.language.when import when
 from acausal.numerics.folding import folded_function
+from acausal.numerics.instructions import instructions
 from acausal.numerics.staged import Function, Staged, operations_of, operations_of_systems, systems_of
 from acausal.numerics.switching import has_switches, switching
 from acausal.numerics.terms import rounded
@@ -190,6 +191,12 @@ class Functions:
     def potential_energy(self) -> ca.Function:
         """(t, x, u, p) -> [J]."""
         return self._function("potential_energy", [self.outputs.potential_energy], ["V"])
+
+    @functools.cached_property
+    def energies(self) -> ca.Function:
+        """(t, x, u, p) -> both, one above the other [J]."""
+        both = ca.vertcat(self.outputs.kinetic_energy, self.outputs.potential_energy)
+        return self._function("energies", [both], ["T_and_V"], fold=False)
 
     @functools.cached_property
     def power_loss(self) -> Function:
@@ -666,4 +673,4 @@ _NOT_WORK = {ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER}
 def operations(function: Function) -> int:
     """Arithmetic operations of an `SX` function: its instructions less loads, stores and constants; about those of systems that are solved in numbers."""
     core, shapes = systems_of(function)
-    return sum(core.instruction_id(i) not in _NOT_WORK for i in range(core.n_instructions())) + operations_of_systems(shapes)
+    return sum(row[0] not in _NOT_WORK for row in instructions(core)[0]) + operations_of_systems(shapes)

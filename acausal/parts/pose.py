@@ -13,6 +13,7 @@ from acausal.language.expression import Expression
 from acausal.numerics.inlined import inlined
 
 Matrix = np.ndarray | ca.SX
+_ONE = np.eye(3)
 
 
 @dataclass(frozen=True)
@@ -73,10 +74,16 @@ def _constant(shape: tuple[int, ...], entries: bytes) -> ca.SX:
 
 
 def product(a: Matrix, b: Matrix) -> Matrix:
-    """a @ b, numeric if both are."""
+    """a @ b with a (3, 3), numeric if both are."""
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return a @ b
-    return symbolic(a) @ symbolic(b)
+    if _is_one(a) or (isinstance(b, np.ndarray) and not b.any()):
+        return symbolic(b)
+    return symbolic(a) if _is_one(b) else symbolic(a) @ symbolic(b)
+
+
+def _is_one(a: Matrix) -> bool:
+    return isinstance(a, np.ndarray) and np.array_equal(a, _ONE)
 
 
 def total(a: Matrix, b: Matrix) -> Matrix:

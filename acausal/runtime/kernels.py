@@ -25,6 +25,7 @@ from acausal.emit.library import sources
 from acausal.emit.program import Program
 from acausal.errors import ExportError
 from acausal.numerics.bound import BoundFunction, arguments
+from acausal.numerics.instructions import written
 from acausal.numerics.staged import Function, plain, systems_of
 from acausal.runtime.load import Runtime, usable
 from acausal.runtime.program import program
@@ -68,7 +69,7 @@ class Wanted:
     def key(self) -> str:
         """What it is told apart by."""
         function, systems = systems_of(self.function)
-        return f"{self.name}\0{self.parameters}\0{systems}\0{function.serialize()}"
+        return f"{self.name}\0{self.parameters}\0{systems}\0{written(function)}"
 
     def source(self) -> Source:
         """Its C. Raises `ExportError` where it has none."""

@@ -299,14 +299,18 @@ class Trajectory:
         return Beside(passage, some, moved(far), moved(near), near / far, rates)
 
     @functools.cached_property
+    def _energies(self) -> np.ndarray:
+        return self._evaluate(self.functions.series(self.functions.energies))
+
+    @property
     def kinetic_energy(self) -> np.ndarray:
         """(n,) [J]."""
-        return self._evaluate(self.functions.series(self.functions.kinetic_energy))[0]
+        return self._energies[0]
 
-    @functools.cached_property
+    @property
     def potential_energy(self) -> np.ndarray:
         """(n,) [J]."""
-        return self._evaluate(self.functions.series(self.functions.potential_energy))[0]
+        return self._energies[1]
 
     @property
     def energy(self) -> np.ndarray:

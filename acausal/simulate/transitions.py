@@ -202,8 +202,8 @@ class Transitions(Sequence[Transition]):
         """(n, reactions), (n,): half the rate before and after, times the impulse (Thomson and Tait): of what the laws hold, and of what the energy balance sees."""
         lost, n = np.zeros(self.impulses.shape), self.impulses.shape[1]
         in_balance = np.zeros(self.times.size)
-        function, some = self.run.functions.impacts, np.flatnonzero(self.jumped | self.bridged)
-        if function is None or not some.size:
+        some = np.flatnonzero(self.jumped | self.bridged)
+        if not some.size or (function := self.run.functions.impacts) is None:
             return lost, in_balance
         t, x = self.run.solution.beside(self.times[some], 1), self.run.solution.x
         states = np.hstack([x[:, self.rows[some] - self.bridged[some]], x[:, self.rows[some] + self.jumped[some]]])
