@@ -11,6 +11,7 @@ import numpy as np
 
 from acausal.errors import OptionError, ParameterError
 from acausal.language.expression import Expression, Parameter, Scalar, Time, leaves, of_time, sx
+from acausal.numerics.bound import Columns
 from acausal.outputs.expression_names import labels
 from acausal.outputs.functions import Functions
 
@@ -100,14 +101,14 @@ def _symbolic(functions: Functions, given: Given, p: np.ndarray, names: tuple[st
         raise OptionError(f"inverse_dynamics: the motion of {what} must depend on ac.time and parameters only.")
     if column.numel() != len(names):
         raise OptionError(f"inverse_dynamics: the motion of {what} has {column.numel()} entries, not {len(names)}.")
-    derivatives: list[ca.Function] = []
+    derivatives: list[Columns] = []
 
     def at(t: float, order: int, k: int) -> float:
         while len(derivatives) <= order:
             change = column
             for _ in range(len(derivatives)):
                 change = ca.jtimes(change, s.t, ca.SX(1))
-            derivatives.append(ca.Function("course", [s.t, s.p], [ca.densify(change)]))
-        return float(np.array(derivatives[order](t, p))[k, 0])
+            derivatives.append(Columns(ca.Function("course", [s.t, s.p], [change])))
+        return float(derivatives[order](t, p)[k])
 
     return [lambda t, order, k=k: at(t, order, k) for k in range(len(names))]

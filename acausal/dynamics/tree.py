@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -103,18 +104,18 @@ def build_tree(mechanism: Mechanism, t: ca.SX) -> Tree:
     """Links of a mechanism with symbols for q and v; frames are turned so that constants become zeros and ones."""
     symbols: list[JointSymbols] = []
     links: list[Link] = []
-    world = _ground_rotation(mechanism)
+    motions_of = [item.edge.joint.motions(item.edge.joint.q.sx, item.edge.joint.v.sx, t) for item in mechanism.tree]
+    world = _ground_rotation(mechanism, motions_of)
     places: dict[int, tuple[int, Pose]] = {0: (-1, Pose(world.T, np.zeros(3)))}
     q_parts: list[ca.SX] = []
     v_parts: list[ca.SX] = []
     rates: list[ca.SX] = []
     nq = nv = 0
-    for item in mechanism.tree:
+    for item, motions in zip(mechanism.tree, motions_of, strict=True):
         joint = item.edge.joint
         q, v = joint.q.sx, joint.v.sx
         near, far, backwards = item.edge.seen_from(item.parent)
         where = _where(mechanism, item)
-        motions = joint.motions(q, v, t)
         if backwards:
             motions = tuple(reversed_motion(motion) for motion in reversed(motions))
         parent, place = places[item.parent]
@@ -168,14 +169,12 @@ def _where(mechanism: Mechanism, item: TreeEdge) -> str:
     return f"joint '{item.edge.name}'{line}; behind it is {', '.join(part.path for part in group.parts) or 'no body'}"
 
 
-def _ground_rotation(mechanism: Mechanism) -> np.ndarray:
+def _ground_rotation(mechanism: Mechanism, motions_of: Sequence[Sequence[Motion]]) -> np.ndarray:
     """Turns the ground's frame to the first joint on it whose axes are askew; the identity when all are aligned."""
-    for item in mechanism.tree:
+    for item, motions in zip(mechanism.tree, motions_of, strict=True):
         if item.parent != 0:
             continue
         near, _, backwards = item.edge.seen_from(0)
-        joint = item.edge.joint
-        motions = joint.motions(joint.q.sx, joint.v.sx, ca.SX.sym("t"))
         rotation = product(near.rotation, motions[-1 if backwards else 0].mounting)
         if isinstance(rotation, np.ndarray) and np.count_nonzero(snapped(rotation)) > 3:
             return rotation

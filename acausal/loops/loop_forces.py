@@ -38,6 +38,7 @@ from acausal.dynamics.forward_dynamics import ArticulatedInertias, articulated_i
 from acausal.dynamics.system import MechanicalSystem
 from acausal.dynamics.virtual_inertia import LoopMotions, check_tree_inertia, virtual_rotors
 from acausal.loops.constraints import Constraints
+from acausal.numerics.bound import Columns
 from acausal.numerics.sizes import power_of_four
 
 _DAMPING, _EXACT_DAMPING = 1e-9, 1e-24
@@ -311,8 +312,8 @@ def _largest(
 ) -> np.ndarray:
     """The largest values (m,) of a `column` in q at these configurations (nq,)."""
     tree = forces.mechanics.tree
-    function = ca.Function("sizes", [tree.q, tree.t, parameters], [ca.densify(column)])
-    return np.max([np.array(function(q, forces.constraints.time, values)).ravel() for q in places], axis=0)
+    sizes = Columns(ca.Function("sizes", [tree.q, tree.t, parameters], [column]))
+    return np.max([sizes(q, forces.constraints.time, values) for q in places], axis=0)
 
 
 def projection(forces: LoopForces, states: ca.SX) -> ca.SX | None:

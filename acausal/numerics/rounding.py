@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from acausal.numerics.instructions import UNARY, instructions
+from acausal.numerics.instructions import UNARY, Instructions, instructions
 
 _EPS = float(np.finfo(float).eps)
 _ENLARGED = 2.0**-40
@@ -48,6 +48,10 @@ class Rounding:
 
     function: ca.Function
 
+    @functools.cached_property
+    def _instructions(self) -> Instructions:
+        return instructions(self.function)
+
     def __call__(self, t: float, x: np.ndarray, *fixed: np.ndarray, spread: np.ndarray | None = None) -> np.ndarray:
         """Sizes (entries of the result,) at t, x and further arguments that are exact; `spread` (nx,): how uncertain x is besides."""
         size = np.abs(x) if spread is None else np.abs(x) + spread / _EPS
@@ -71,7 +75,7 @@ class Rounding:
         work = np.zeros((f.sz_w() + 1, _SAMPLES + 1, points))
         result = np.zeros((f.nnz_out(0), _SAMPLES + 1, points))
         with np.errstate(all="ignore"):
-            table, numbers = instructions(f)
+            table, numbers = self._instructions
             for k, (code, to, one, other) in enumerate(table):
                 of = (one,) if code in UNARY else (one, other)
                 if code == ca.OP_INPUT:

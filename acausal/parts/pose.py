@@ -90,7 +90,7 @@ def total(a: Matrix, b: Matrix) -> Matrix:
     """a + b, numeric if both are."""
     if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
         return a + b
-    return symbolic(a) + symbolic(b)
+    return ca.SX.binary(ca.OP_ADD, symbolic(a), symbolic(b))  # as quickly as CasADi adds
 
 
 def snapped(matrix: np.ndarray, tolerance: float = 4e-15) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -92,8 +93,13 @@ class Ball(AbstractStep):
 
 
 def _along(pose: Pose, axes: tuple[int, ...], mounting: Matrix, v: ca.SX, angle: ca.SX | None = None) -> Motion:
-    subspace = ca.sparsify(ca.SX(ca.DM(_UNITS[:, list(axes)])))
+    subspace = _units(axes)
     return Motion(pose, v, subspace, ca.densify(subspace @ v), ca.SX(6, 1), v, axes, 1.0, mounting, angle)
+
+
+@functools.cache
+def _units(axes: tuple[int, ...]) -> ca.SX:
+    return ca.sparsify(ca.SX(ca.DM(_UNITS[:, list(axes)])))
 
 
 def chained_pose(steps: Sequence[AbstractStep], q: ca.SX) -> Pose:

@@ -153,9 +153,10 @@ class _Rows:
         free = ca.symvar(slope)
         if any(s.element_hash() not in self._values for s in free):
             return None
-        values = np.array(
-            ca.Function("slope", [ca.vertcat(ca.SX(0, 1), *free)], [slope])([self._values[s.element_hash()] for s in free])
-        )
+        if not slope.is_constant():
+            at = ca.Function("slope", [ca.vertcat(ca.SX(0, 1), *free)], [slope])
+            slope = at([self._values[s.element_hash()] for s in free])
+        values = np.array(ca.DM(slope))
         if not np.isfinite(values).all():
             return None
         return {(s.element_hash(), 0): float(a) for s, a in zip(own, values.ravel(), strict=True) if a != 0.0}
