@@ -140,7 +140,7 @@ static enum Lost disturb(Integrator *I, const Kernel *k, double t, const double 
 static int rounding_of(Integrator *I, const Kernel *k, double t, const double *x, const double *size, double *found) {
     struct State *T = I->state;
     Pair *in = (Pair *)(void *)T->pair_in;
-    V *u = T->disturbed;
+    V *u = T->point_in + 1 + I->nx;
     if (!inputs_at(I, v_all(t), 1, u)) return 0;
     for (long i = 0; i < I->nu; i++) in[1 + I->nx + i] = same_pair(v_all(u[i][0]));
     for (long i = 0; i < I->np; i++) in[1 + I->nx + I->nu + i] = same_pair(v_all(I->parameters[i]));

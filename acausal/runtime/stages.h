@@ -232,7 +232,7 @@ struct State {
     struct Thin *thin; /* programs for modes, null: there are none; see thin.h */
     double *side;                   /* of masks, then of switches */
     double *given;                  /* sides that kernels were given last */
-    const V *holder[HOLDERS];       /* where these are */
+    const V *holder[HOLDERS];       /* where these are: arguments of kernels, which nothing else is written to */
     long holders, written;          /* how many places that is; how often they have changed */
     struct Parting parting;
     int jams;                       /* whether slip is looked at that may have come to where nothing smooth leads further */
