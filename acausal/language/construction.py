@@ -68,8 +68,13 @@ def _checked(maker: Callable[..., Any]) -> Callable[..., Any]:
     return make_by_method
 
 
+@functools.cache
+def _signature(maker: Callable[..., Any]) -> inspect.Signature:
+    return inspect.signature(maker)
+
+
 def _check(cls: type, name: str, maker: Callable[..., Any], first: Any, args: Sequence[Any], kwargs: Mapping[str, Any]) -> None:
-    taken = inspect.signature(maker)
+    taken = _signature(maker)
     try:
         taken.bind(first, *args, **kwargs)
     except TypeError as error:

@@ -593,7 +593,7 @@ class Functions:
         column = ca.vec(ca.densify(self.space.put(shared)))
         of_loops = borne.numel() > 0 and ca.depends_on(column, borne)
         of_dynamics = of_loops or ca.depends_on(column, given)
-        of_forces = of_loops or ca.depends_on(column, given[self.outputs.system.x_dot.numel() :])
+        of_forces = of_loops or (of_dynamics and ca.depends_on(column, given[self.outputs.system.x_dot.numel() :]))
         t, x, u, p = self.space.arguments
         inputs = ca.vertcat(u, *(given,) * of_dynamics, *(borne,) * of_loops)
         angle = isinstance(wanted, Expression) and self.outputs.is_angle(wanted)

@@ -176,6 +176,8 @@ class Outputs:
             raise UnknownVariableError(
                 f"{said} the scene's own, e.g. scene.hinge.q, scene.rod.tip.position, or 2 * scene.hinge.v."
             )
+        if isinstance(value, Symbol):
+            return self.symbol(value)
         found = [(leaf.sx, self.symbol(leaf)) for leaf in sorted(value.leaves, key=lambda s: s.name)]
         other = [(symbol, meant) for symbol, meant in found if meant is not symbol]
         return ca.substitute([value.sx], *map(list, zip(*other, strict=True)))[0] if other else value.sx
