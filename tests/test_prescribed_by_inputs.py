@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -28,7 +29,7 @@ from components import (
     TranslationalSpring,
     World,
 )
-from tests.exported import INPUT, OPEN_START, STATE, SUCCESS, Library
+from tests.exported import INPUT, OPEN_START, PARAMETER, STATE, SUCCESS, Library
 from tests.pairings import each_value
 
 SIZES = [1e-3, 1.0, 1e3]
@@ -286,6 +287,35 @@ def test_exported_motions_are_where_inputs_are_set_and_go_on_with_their_rates(ki
     if kind == "carried":
         assert instance.started() == SUCCESS and instance.set(INPUT, 0, 1.51 * size) == SUCCESS
         assert instance.advance(0.1) == OPEN_START and "inputs that prescribe places" in instance.words()
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_in_whatever_order_numbers_are_set_the_motion_goes_on_alike(size: float, tmp_path: Path) -> None:
+    """Two cranks of a linkage of five bars jump and go on, one mass changes: the same bits, and the angles that were set."""
+    scene: Any = ac.System()
+    scene.world, scene.mass, scene.courses = World(UP), ac.Parameter(1.0, "kg"), [ac.Input("rad"), ac.Input("rad")]
+    at = size * np.array([(0, 0, 0), (0.3, 0, 0.4), (0.5, 0, 1.1), (0.7, 0, 0.4), (1, 0, 0)])
+    scene.bars = [RigidBody.rod(scene.mass * 1.0, tuple(b - a), position=tuple(a)) for a, b in itertools.pairwise(at)]
+    parts = [scene.world, *scene.bars, scene.world]
+    scene.hinges = [Revolute.between(a, b, at=tuple(p), axis="y") for a, b, p in zip(parts, parts[1:], at, strict=False)]
+    scene.drives = [AngleSource(course) for course in scene.courses]
+    scene.connect(scene.drives[0].flange, scene.hinges[0].flange)
+    scene.connect(scene.drives[1].flange, scene.hinges[4].flange)
+    library, rng = Library(ac.build(scene).export_simulator(tmp_path / "set")), np.random.default_rng(0)
+    names = library.names(INPUT)
+    rates = [names.index(f"der(drives[{k}].angle)") for k in (0, 1)]
+    for _ in range(4):
+        angles, seen = rng.uniform(-0.4, 0.4, 2), set[bytes]()
+        sets = [(PARAMETER, 0, 1.5), (INPUT, 0, angles[0]), (INPUT, 1, angles[1]), (INPUT, rates[0], 0.3), (INPUT, rates[1], 0.2)]
+        for _ in range(6):
+            instance = library.instance()
+            assert instance.started() == SUCCESS
+            for one in rng.permutation(len(sets)):
+                assert instance.set(*sets[one]) == SUCCESS
+            assert instance.advance(0.01) == SUCCESS
+            assert instance.x[:2] == pytest.approx(angles + 0.01 * np.array([0.3, 0.2]), abs=1e-13)
+            seen.add(instance.x.tobytes())
+        assert len(seen) == 1
 
 
 @pytest.mark.parametrize("size", SIZES)

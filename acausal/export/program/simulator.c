@@ -412,23 +412,22 @@ static int renewed_by(simulator_instance *s, simulator_kind kind) {
 
 static int present_inputs(simulator_instance *s);
 
-/* Before something is set: inputs go on, and states follow them, until then. */
-static void remember_inputs(simulator_instance *s, simulator_kind kind) {
-    const int follow = kind == SIMULATOR_INPUT && s->I.led;
-    if (s->renewed == NEW_INPUTS || !(follow || s->I.tables > model.motion.tables) || !present_inputs(s)) return;
-    if (follow) memcpy(s->before, s->values[SIMULATOR_INPUT], sizeof(double) * (size_t)count_of(SIMULATOR_INPUT));
+/* Before anything is set: inputs go on, and states follow them, until then. Whatever is set after it, in whatever order, counts from there. */
+static void remember_inputs(simulator_instance *s) {
+    if (s->renewed != NOTHING_NEW || !(s->I.led || s->I.tables > model.motion.tables) || !present_inputs(s)) return;
+    if (s->I.led) memcpy(s->before, s->values[SIMULATOR_INPUT], sizeof(double) * (size_t)count_of(SIMULATOR_INPUT));
 }
 
 int simulator_set(simulator_instance *s, simulator_kind kind, long i, double value) {
     if (!exists(kind, i) || !changeable(s, kind) || is_given(s, kind, i)) return said(s, SIMULATOR_BAD_ARGUMENT, "There is no such number, or it cannot be set.");
-    remember_inputs(s, kind);
+    if (kind != SIMULATOR_CONDITION) remember_inputs(s);
     s->values[kind][i] = value;
     return renewed_by(s, kind);
 }
 
 int simulator_set_all(simulator_instance *s, simulator_kind kind, const double *values) {
     if (!changeable(s, kind)) return said(s, SIMULATOR_BAD_ARGUMENT, "Numbers of this kind cannot be set.");
-    remember_inputs(s, kind);
+    if (kind != SIMULATOR_CONDITION) remember_inputs(s);
     if (count_of(kind)) memcpy(s->values[kind], values, sizeof(double) * (size_t)count_of(kind));
     return renewed_by(s, kind);
 }
@@ -606,6 +605,7 @@ static int start_from(simulator_instance *s, double t, const double *states) {
     s->stage = NEW;
     s->present = t;
     if (!present_inputs(s)) return said(s, SIMULATOR_FAILED_INPUT, 0);
+    if (s->I.led) memcpy(s->before, s->values[SIMULATOR_INPUT], sizeof(double) * (size_t)count_of(SIMULATOR_INPUT));
     if (states) memcpy(s->values[SIMULATOR_STATE], states, sizeof(double) * (size_t)s->I.nx);
     simulator_status status = states ? SIMULATOR_SUCCESS : assemble(s);
     if (status == SIMULATOR_SUCCESS) status = fits(s, !states);
@@ -619,7 +619,7 @@ int simulator_start(simulator_instance *s, double t) { return start_from(s, t, 0
 int simulator_start_at(simulator_instance *s, double t, const double *states) { return start_from(s, t, states); }
 
 int simulator_renew(simulator_instance *s) {
-    remember_inputs(s, SIMULATOR_INPUT);
+    remember_inputs(s);
     return renewed_by(s, SIMULATOR_INPUT);
 }
 
