@@ -127,25 +127,28 @@ static V in_lanes(const double *values, long stride, long e, long count) {
 
 #define TARGET 0.65 /* of the step size at which a Radau step's error would be one */
 
-#define UNKNOWN_PART 0.1 /* of the last coefficient that is known, what those are of which quadrature makes an error, where all decay slowly */
-#define CORNERED 2 /* power of a step's size by which its error falls beside a place where a derivative of the rates is infinite */
 /* Error of a step from how fast the sizes of the Legendre coefficients of its rates, times h, decay: geometrically, a_k ~ a_0 r^k; the last one known gives r,
-   and quadrature of order p misses a_p. Beside a place where a derivative of the rates is infinite, the last ones decay slowly however small a_0 makes all of them
-   together look: these give r then. Inside of Radau steps, whose dense output is not refined, a_s is missed: that is to be as small as the tolerance, too; what
+   and quadrature of order p misses a_p. Inside of Radau steps, whose dense output is not refined, a_s is missed: that is to be as small as the tolerance, too; what
    asks for the shorter next step counts. */
 static double error_by_decay(const Method *m, const double *sizes, double largest) {
     long s = m->stages;
     double tail = sizes[s - 1], order = (double)m->order;
     if (s > 2) tail = fmax(tail, largest * power(sizes[s - 2] / largest, (double)(s - 1) / (double)(s - 2)));
     double end = largest * power(tail / largest, order / (double)(s - 1));
-    if (m->kind == GAUSS && s > 3) {
-        double then = fmax(sizes[s - 4], sizes[s - 3]), now = fmax(sizes[s - 2], sizes[s - 1]);
-        double slow = then > 0 ? UNKNOWN_PART * tail * power(fmin(now / then, 1), 0.5 * (order - (double)s + 1)) : 0;
-        end = fmax(end, slow < 1 ? power(slow, (order + 1) / CORNERED) : slow);
-    }
     if (m->kind == GAUSS) return end;
     double inside = tail * power(tail / largest, 1 / (double)(s - 1)) / (double)(4 * s + 2);
     return fmax(end, power(TARGET, order + 1) * power(inside, (order + 1) / (double)(s + 1)));
+}
+
+#define UNKNOWN_PART 0.3 /* of the last coefficient that is known, what those are of which quadrature makes an error, where all decay slowly */
+
+/* The same of Gauss steps beside a place where a derivative of the rates is infinite: there the last coefficients decay slowly, however small a_0 makes all of them together
+   look, and give r. */
+static double error_by_slow_decay(const Method *m, const double *sizes) {
+    long s = m->stages;
+    if (m->kind != GAUSS || s < 4) return 0;
+    double then = fmax(sizes[s - 4], sizes[s - 3]), now = fmax(sizes[s - 2], sizes[s - 1]), order = (double)m->order;
+    return then > 0 ? UNKNOWN_PART * now * power(fmin(now / then, 1), 0.5 * (order - (double)s + 1)) : 0;
 }
 
 /* What is known of a guard: its side of zero (0: none), whether and since when it is at zero, whether it has been since the start. */
@@ -242,6 +245,7 @@ struct State {
     long *overs;                    /* how often each switch went over since the last step */
     char *copied;
     long *own; /* states that are not copied */
+    double slow;       /* error of the step where coefficients decay slowly */
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
     double *limit, *noise;   /* rates beyond which a state is larger than its scale says; what rounding makes of its rates, 0 where that is not looked at */
     double *spread;          /* the same, with what fast decay forgets before a stage is solved */
