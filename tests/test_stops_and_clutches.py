@@ -489,3 +489,17 @@ def test_what_bounces_with_friction_comes_to_rest_in_its_instant(seed: int) -> N
     assert run[scene.load.s][-1] == pytest.approx(0.0, abs=1e-14 * length)
     assert run[scene.load.v][-1] == 0.0
     assert run.energy_error() < 1e-11
+
+
+@pytest.mark.parametrize("alone", [True, False])
+def test_brakes_on_what_is_held_and_clutches_on_one_shaft_take_nothing(alone: bool) -> None:
+    """Whether anything else may slip or not."""
+    scene = ac.System()
+    scene.wall, scene.held, scene.block, scene.rotor = TranslationalGround(), SlidingMass(2.0), SlidingMass(1.0), Inertia(1.0)
+    scene.connect(scene.wall.flange, scene.held.flange_a)
+    scene.idle, scene.closed = Brake(scene.held.flange_b, 3.0), Clutch(scene.rotor.flange_a, scene.rotor.flange_b, 4.0)
+    if not alone:
+        scene.rub = Brake(scene.block.flange_a, 0.5)
+    run = ac.build(scene).simulate(1.0, {scene.block.v: 1.0, scene.rotor.w: 2.0})
+    assert run[scene.block.s][-1] == pytest.approx(1.0 if alone else 0.75) and run[scene.rotor.phi][-1] == pytest.approx(2.0)
+    assert not run[scene.idle.grip].any() and not run[scene.closed.grip].any() and run.energy_error() < 1e-12

@@ -53,7 +53,11 @@ class Part:
     @functools.cached_property
     def laws(self) -> tuple[ModeLaw, ...]:
         """Of its reactions, and what it sets when."""
-        found = self.component.laws()
+        found: Any = self.component.laws()
+        if not isinstance(found, Iterable):
+            raise ModelError(
+                f"{self.where}: laws() of {type(self.component).__name__} gives {found!r}. Yield laws, such as ac.OneSided(...), or give a list of them."
+            )
         return tuple((law.turned() or law) if self.turned and isinstance(law, OneWay) else law for law in found)
 
     def __reduce__(self) -> tuple[Any, ...]:

@@ -451,7 +451,7 @@ def _rate_acts(mechanics: MechanicalSystem, reaction: Reaction) -> str:
 
 def _input_rates(flat: FlatSystem, used: Sequence[ca.SX]) -> list[InputRate]:
     """Rates of inputs that stand in what is `used`; who needs the second one has the first one too."""
-    symbols = {s.element_hash() for s in ca.symvar(ca.veccat(*used))}
+    symbols = {s.element_hash() for s in ca.symvar(ca.veccat(ca.SX(0, 1), *used))}
     found: list[InputRate] = []
     for entry in flat.inputs:
         first, second = input_rates(entry)

@@ -51,6 +51,19 @@ def on_a_spring_alone(what: str) -> object:
     return ac.build(scene)
 
 
+class Lawless(ac.Component):
+    """Forgets to give its laws."""
+
+    def laws(self) -> Any:
+        return None
+
+
+def lawless() -> object:
+    scene = ac.System()
+    scene.ball, scene.own = SlidingMass(1.0), Lawless()
+    return ac.build(scene)
+
+
 def jumping() -> object:
     scene = ac.System()
     scene.ball, scene.place = SlidingMass(1.0), ac.Input("m")
@@ -81,6 +94,7 @@ CASES = [
     Wrong("stop on a spring alone", lambda: on_a_spring_alone("stop"), errors.ModelError, ("gap of stop", HERE, "mass or an inertia")),
     Wrong("brake on a spring alone", lambda: on_a_spring_alone("spring"), errors.ModelError, ("rub", HERE)),
     Wrong("brake on a damper alone", lambda: on_a_spring_alone("damper"), errors.ModelError, ("slip of rub", HERE, "mass or an inertia")),
+    Wrong("part that gives no laws", lawless, errors.ModelError, ("own (", HERE, "laws() of Lawless gives None", "ac.OneSided")),
     Wrong("stop that an input puts elsewhere", jumping, errors.ParameterError, ("jump at t = 1 s", HERE)),
 ]  # fmt: skip
 
