@@ -17,7 +17,7 @@ import pytest
 import acausal as ac
 from acausal.language.expression import Expression
 from acausal.language.mode_laws import ModeLaw
-from components import PointLatch, Revolute, RigidBody, SampleAndHold, TimeFunction, World
+from components import Gripper, Particle, PointLatch, Revolute, RigidBody, SampleAndHold, TimeFunction, World
 from tests.exported import (
     AUTO,
     CONDITION,
@@ -257,6 +257,28 @@ def test_a_start_below_the_floor_is_refused_in_words() -> None:
     assert instance.advance(1.0) == OVERLAPS
     assert instance.set(CONDITION, library.names(CONDITION).index("mass.s"), 1.0) == instance.started() == SUCCESS
     assert instance.advance(0.1) == SUCCESS and instance.get(STATE, 0) < 1.0
+
+
+@pytest.mark.slow
+def test_what_is_held_at_the_start_is_assembled_with_other_start_values_too() -> None:
+    scene = ac.System()
+    scene.world, scene.hinge, scene.arm = World(), Revolute("y"), RigidBody(1.0, (0.1, 0.1, 0.1), (0.0, 0.0, -0.8))
+    scene.load, scene.ball = Particle(0.3), RigidBody.ball(0.2, 0.1, position=(0.1, 0.2, -0.3))
+    scene.tie, scene.hand = PointLatch(held=True, opens=ac.time - 0.2), Gripper(held=True, opens=ac.time - 0.1)
+    scene.connect(scene.world.frame, scene.hinge.frame_a)
+    scene.connect(scene.hinge.frame_b, scene.arm.frame)
+    for at, held, end in ((-0.8, scene.tie, scene.load.point), (-0.4, scene.hand, scene.ball.frame)):
+        scene.connect(scene.arm.at((0, 0, at)), held.frame_a)
+        scene.connect(held.frame_b, end)
+    model = ac.build(scene)
+    start = {scene.hinge.q: 0.3, scene.hinge.v: 2.0}
+    library = Library(model.export_simulator(Path(SCRATCH.name) / "held", start))
+    for q, v in ((0.3, 2.0), (0.3, 3.0), (-0.5, 1.0)):
+        instance: Instance = library.instance()
+        assert instance.set_values(CONDITION, [q, v]) == instance.started() == SUCCESS, instance.words()
+        assert instance.advance(0.4) == SUCCESS, (q, v, instance.words())
+        run = model.simulate(0.4, {scene.hinge.q: q, scene.hinge.v: v})
+        assert np.allclose(instance.x, run.x[:, -1], rtol=0, atol=1e-7)
 
 
 def test_an_event_that_stops_at_an_impact_stops_where_the_package_does() -> None:

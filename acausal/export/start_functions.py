@@ -51,7 +51,10 @@ def start_functions(functions: Functions, initial: InitialState) -> StartFunctio
     """Around the start that is exported."""
     account, space, s = initial.account, functions.space, functions.outputs.system
     data = ca.MX.sym("data", account.data.size)
-    whole = assembled(initial, data)
+    end = _places(functions, initial)[3]
+    modes = slice(end - len(s.flat.modes), end)  # what is held at the start is what is so in the exported one
+    remembered = ca.vertcat(data[: modes.start, :], ca.DM(account.data[modes]), data[end:, :])
+    whole = assembled(initial, remembered)
     sources = ca.Function("constants", [s.t, s.x, s.p], [ca.densify(space.elimination.sources)])
     _, t, _, p = ca.vertsplit(data, _places(functions, initial))
     constants = sources(t, whole, p)

@@ -90,13 +90,23 @@ def locks_of(rows: Sequence[LockRows], motion: Motion) -> Locks:
     pushes = undamped(M, damping, ca.horzcat(-closed, -speeds), _REFINEMENTS)
     apart = ca.vertcat(*(ca.vertcat(row.gap, row.apart) for row in rows))
     where = ca.vertcat(*(ca.repmat(row.held, row.gap.numel() + row.apart.numel(), 1) for row in rows))
-    meeting = ca.vertcat(_where(where, apart), _where(where, rounded(apart) + ca.vertcat(*(row.terms for row in rows))))
+    terms = ca.vertcat(*(_of_vectors(row, rounded(ca.vertcat(row.gap, row.apart)) + row.terms) for row in rows))
+    meeting = ca.vertcat(_where(where, apart), _where(where, terms))
     words = [(row.part.where, r.unit) for row in rows for r in (*row.reactions, *([row.reactions[-1]] * row.apart.numel()))]
     units = {"N": " m", "N*m": " rad"}
     return Locks(
         tuple(rows), reactions, found, J, closed, speeds, motion.closed(gaps, J, pushes), pushes[:, 1], meeting,
         tuple(f"{where}|{units.get(unit, '')}" for where, unit in words),
     )  # fmt: skip
+
+
+def _of_vectors(row: LockRows, terms: ca.SX) -> ca.SX:
+    """Of rows with one unit those of all: a component that is zero is rounded as the others are."""
+    found = ca.SX(terms)
+    for unit in dict.fromkeys(reaction.unit for reaction in row.reactions):
+        same = [i for i, reaction in enumerate(row.reactions) if reaction.unit == unit]
+        found[same] = ca.repmat(ca.sum1(terms[same]), len(same), 1)
+    return found
 
 
 def _where(held: ca.SX, values: ca.SX) -> ca.SX:

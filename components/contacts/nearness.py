@@ -12,7 +12,7 @@ from acausal.parts.contact import read
 from acausal.parts.pose import Pose, pose_between, symbolic
 from components.geometry.surfaces import AbstractSurface, Plane, Sphere
 
-MANY = "It lies flat, or is like it, or is not convex there: more places than one are nearest. Give the body a rotation that is not this one."
+MANY = "It lies flat, or is like it, or is not convex there: more places than one are nearest. Give the body a rotation that is not this one; what comes to lie flat needs feet, PointOnPlane(unilateral=True) at points of its edge."
 """Said where more places of two bodies than one are nearest."""
 
 
