@@ -481,10 +481,9 @@ static enum Code stop_jam(Integrator *I, Decision *D, Room R, double planned) {
     enum Code code = decide_accelerations(I, R, planned);
     if (code != REACHED_END) return code;
     if (!decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
-    if (ends_at_once(I, I->state->lifted + I->masks)) return REACHED_END;
     look_at_slips(I, D, R, -1, 0);
     int led = lead_to_jam(I, D, R);
-    if (led == 0) return NO_MODE;
+    if (led == 0) return ends_at_once(I, I->state->lifted + I->masks) ? REACHED_END : NO_MODE;
     if (led < 0 || !decision_at(I, I->t, I->x, D)) return INPUT_FAILED;
     look_at_slips(I, D, R, -1, 0);
     if (!strike_without_closing(I, R)) return NO_MODE;
