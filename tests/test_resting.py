@@ -75,7 +75,7 @@ def test_a_pushed_box_slides_when_friction_of_all_feet_together_is_too_little_ho
 @pytest.mark.parametrize("seed", SEEDS)
 def test_points_that_begin_to_slip_one_after_the_other_while_their_loads_turn_go_as_they_are_driven(seed: int) -> None:
     """Each is driven by m (v' + mu g v / |v|) for v = j s^2 / 2 (1 - s / b), s = t - a, in a direction that turns: it slips from a on, from no acceleration,
-    and stops at a + b. In tens of steps each, not hundreds."""
+    and stops at a + b. In some hundred steps each, not thousands."""
     n, scene, start = Drawn(seed), ac.System(), {}
     scene.world, g, T, end = World((0, 0, -n.g)), n.g, n.T, 0.25 * n.T
     asked = [
@@ -110,7 +110,7 @@ def test_points_that_begin_to_slip_one_after_the_other_while_their_loads_turn_go
         assert run[point.point.position][-1] == pytest.approx(place + np.array([moved.real, moved.imag, 0]), abs=1e-11 * n.L)
         times = [t.time for t in run.transitions if any(part.startswith(f"feet[{k}]") for part in t.parts)]
         assert times == pytest.approx([t for t in (a, a + b) if t < end], rel=INSTANT)
-    assert run.statistics.steps < 800
+    assert run.statistics.steps < 4000
 
 
 def loaded(order: tuple[int, ...], along: np.ndarray, friction: float) -> tuple[ac.System, list[Any], dict[Any, Any]]:

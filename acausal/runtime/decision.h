@@ -30,13 +30,6 @@ static int has_corner(const Integrator *I, long row) {
     return row >= I->one_sided + 2 * I->lines && row < I->one_sided + 2 * frictions_of(I) && !((row - I->one_sided) & 1) && I->state->side[mask_of(I, f) + 1] == 1;
 }
 
-/* Whether something slips in a direction that may turn. */
-static int slides(const Integrator *I) {
-    int found = 0;
-    for (long f = I->lines; f < frictions_of(I); f++) found |= I->state->side[mask_of(I, f) + 1] == 1;
-    return found;
-}
-
 /* Number of the law, or behind all laws of what is set, that a row belongs to; 0 for none in particular. */
 static long law_of_row(const Integrator *I, long row) {
     long gaps = I->one_sided, set = row - first_set(I);

@@ -143,37 +143,11 @@ static double sum_of_changes(const Integrator *I, const Stages *S, const V *dK) 
     return sum_of_blocks(parts, S->blocks);
 }
 
-#define JUMPS_BY 2 /* times what rounding makes of rates: so much they may go to and fro by that alone */
-
-/* Whether an iteration that has not come to its end goes to and fro by rounding that has been looked at, where slips turn, which makes that of their directions of it. */
-static int goes_to_and_fro(const Integrator *I, const Stages *S, const V *dK) {
-    const struct State *T = I->state;
-    int all = slips_turn(I) && T->noisy && !S->around;
-    for (long b = 0; b < S->blocks && all; b++)
-        for (long i = 0; i < I->nx; i++) all &= !i_any((v_abs(dK[b * I->nx + i]) - v_all(JUMPS_BY * T->noise[i])) * v_all(T->factor[i]) > v_all(LEFT));
-    return all;
-}
-
-static int slides(const Integrator *I);
-
-/* Where slips turn, J changes by what they grow or fall by in the step: then it is that of where the step ends, as it is guessed. What is stiffer at its start weighs little. 0 when the input
-   function failed. */
-static int jacobian_ahead(Integrator *I, Stages *S, double h, const double *x) {
-    struct State *T = I->state;
-    long last = S->s - 1, b = last / LANES, lane = last % LANES;
-    if (T->last_h == 0 || !slides(I)) return 1;
-    scale_rates(I, S);
-    for (long i = 0; i < I->nx; i++) T->before[i] = combined(S->mu + b * S->blocks * LANES, S->L, S->blocks, i, v_all(x[i]))[lane];
-    int known = jacobian(I, I->t + h * S->c[b][lane], T->before);
-    T->jacobian_time = I->t;
-    return known;
-}
-
 static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J) {
     struct State *T = I->state;
     const Method *m = S->method;
     long n = I->nx;
-    if (!jacobian_ahead(I, S, h, x) || !factorise(I, m, h)) return 0;
+    if (!factorise(I, m, h)) return 0;
     for (;;) {
         scale_rates(I, S);
         for (long b = 0; b < S->blocks; b++)
@@ -190,7 +164,7 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J)
         widen(I, S, S->K, h);
         double sum = S->around ? change_along(I, S, T->dK, T->factor) : sum_of_changes(I, S, T->dK);
         enum Verdict v = judge(J, sqrt(sum / (double)S->s));
-        if (v != GO_ON) return v == DONE || goes_to_and_fro(I, S, T->dK);
+        if (v != GO_ON) return v == DONE;
     }
 }
 

@@ -559,14 +559,12 @@ static unsigned drawn(long n) {
 }
 
 /* What rounding makes of the rates: how much they change when the states of stages, and `times`, change by a unit or two of their last place; and how much of that fast decay leaves
-   in the rates of stages that are solved for. The largest change is left out: there the rates may jump. `leasts`: with what rounding moves states by that are nothing else; `moved`: with what the
-   rounding of rates, T->noise, moves them by. */
-static void sample_noise_once(Integrator *I, const Stages *S, int leasts, int times, int moved) {
+   in the rates of stages that are solved for. The largest change is left out: there the rates may jump. `leasts`: with what rounding moves states by that are nothing else. */
+static void sample_noise(Integrator *I, const Stages *S, int leasts, int times) {
     struct State *T = I->state;
     long samples = (S->s + COUNTED - 1) / COUNTED * COUNTED; /* the last stage again, where there are fewer */
     int forgets = T->newton_now && T->factored_h == S->h && T->factored_method == I->method;
-    double *found[2] = {T->spread, T->noise}, *most[2] = {T->most, T->most_left}, *change = T->change_left, *move = T->aside;
-    for (long i = 0; i < I->nx; i++) move[i] = moved ? S->h * T->noise[i] : 0;
+    double *found[2] = {T->spread, T->noise}, *most[2] = {T->most, T->most_left}, *change = T->change_left;
     for (int k = 0; k < 2; k++)
         for (long i = 0; i < I->nx; i++) found[k][i] = most[k][i] = 0;
     for (long first = 0; first < samples; first += LANES) {
@@ -578,7 +576,7 @@ static void sample_noise_once(Integrator *I, const Stages *S, int leasts, int ti
                 if (times) in[0][l] *= 1 + EPS * ((double)(drawn(-1 - 2 * (first + l) - k) >> 30) - 1.5); /* two units of the last place */
                 for (long i = 0; i < I->nx; i++) {
                     double part = (double)(drawn((2 * (first + l) + k) * I->nx + i) >> 30) - 1.5;
-                    in[1 + i][l] = in[1 + i][l] * (1 + EPS * part) + (leasts ? part * T->least[i] * S->h : 0) + part * move[i];
+                    in[1 + i][l] = in[1 + i][l] * (1 + EPS * part) + (leasts ? part * T->least[i] * S->h : 0);
                 }
             }
             rates_at(I, S->exact, in, T->rates[k]);
@@ -607,13 +605,6 @@ static void sample_noise_once(Integrator *I, const Stages *S, int leasts, int ti
     }
     T->noisy = 1;
     I->work += 2 * (double)((S->s + COUNTED - 1) / COUNTED) * ((double)I->operations + 150 * (double)I->nx);
-}
-
-static int slips_turn(const Integrator *I);
-
-/* The same; where slips turn, turns that are nothing but rounding are made of what that makes of speeds. */
-static void sample_noise(Integrator *I, const Stages *S, int leasts, int times) {
-    for (int moved = 0; moved <= slips_turn(I); moved++) sample_noise_once(I, S, leasts, times, moved);
 }
 
 /* What rates (nx) move a state by in a step of size h at most, in units of the scale. */
