@@ -105,3 +105,23 @@ def test_rod_whose_foot_turns_to_its_critical_direction_is_stopped(seed: int) ->
     if seed == 0:
         with pytest.raises(ac.errors.SimulationError):
             ac.build(scene).sensitivities([0.0, 1.5 * time], [frame.position[0]], start, rtol=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_a_jam_that_is_near_in_time_to_the_begin_of_slip_is_one_however_late_that_is(seed: int) -> None:
+    """Time, of a second, is rounded to 1e-7 of how long it slips."""
+    rng = np.random.default_rng(seed)
+    size, mu, angle = [1.0, 1e-3, 1e3][seed], float(rng.uniform(1.4, 2.5)), float(rng.uniform(1.05, 1.2))
+    slip = (float(rng.uniform(-2e-8, 1e-8)), float(rng.uniform(4e-8, 1e-7)))
+    time, left, _ = until_it_jams(mu, angle, slip)
+    scene = rod_on_its_foot(mu, 1.0, size)
+    frame, R = scene.rod.frame, leaning(angle)
+    start: dict[Any, Any] = {
+        frame.position: HALF * size * R[:, 2], frame.rotation: R, frame.angular_velocity: np.zeros(3),
+        frame.velocity: np.array([*slip, 0.0]) * size,
+    }  # fmt: skip
+    jam = ac.build(scene).simulate(1.0 + 3 * time, start, t0=1.0, rtol=1e-10).transitions[0]
+    assert jam.time - 1 == pytest.approx(time, rel=1e-3)
+    assert jam.energy_lost > 0
+    assert jam.before[scene.foot.slip][:2] == pytest.approx(left * size, rel=0.2)
+    assert jam.after[scene.foot.slip] == pytest.approx(np.zeros(3), abs=1e-9 * np.linalg.norm(slip) * size)
