@@ -483,7 +483,7 @@ static int is_crossing(Integrator *I, double t, const double *x) {
    `settle` finds what rounding has done at one. */
 static int is_awkward(Integrator *I, const Stages *S, double h) {
     struct State *T = I->state;
-    if (!S->around && !S->exact) return 0;
+    if (!S->around && !(S->exact && I->directions)) return 0; /* derivatives are not found in twofold precision */
     int passes = 0, beside = 0;
     for (long j = 0; j < S->s; j++) {
         passes += S->clear[j] < BESIDE && !beside;
