@@ -306,7 +306,7 @@ static int end_small_slips(const Decision *D, Room R) {
 /* Where slip in a plane stops against a direction that is held, others that are held as well stop with it (2 in `wanted`), as those of feet of one body, if all of them stick then: one
    after the other they would let the first go again. Whether there are such. */
 static int stop_together(const Integrator *I, const Decision *D, Room R, long row, long *wanted) {
-    long found = 0, stops = row >= I->one_sided + 2 * I->lines && row < I->one_sided + 2 * frictions_of(I) && R.touching[I->one_sided + (row - I->one_sided) / 2] == 1;
+    int found = 0, stops = row >= I->one_sided + 2 * I->lines && row < I->one_sided + 2 * frictions_of(I) && R.touching[I->one_sided + (row - I->one_sided) / 2] == 1;
     for (long f = D->lines; f < D->frictions; f++) {
         const double *mask = I->state->side + mask_of(I, f);
         long *touching = R.touching + D->gaps + f;
