@@ -40,13 +40,13 @@ def element(kind: str, value: float, phase: float, V: float, R: float, T: float)
     return Capacitor(0.3 * value * T / R) if kind == "C" else Inductor(0.3 * value * T * R)
 
 
-def check_diodes(run: Any, elements: Sequence[Any], V: float) -> float:
-    """Nothing flows backwards through those among them, and nothing is lost forwards but by their resistance. The largest current of all."""
+def check_diodes(run: Any, elements: Sequence[Any], V: float, known: float = 1e-12) -> float:
+    """Nothing flows backwards through those among them, and nothing is lost forwards but by their resistance, but for what is `known` of currents. The largest of these."""
     most = max(np.abs(run[one.i]).max() for one in elements)
     for diode in (one for one in elements if isinstance(one, IdealDiode)):
         current, over = run[diode.current], run[diode.v] - diode.resistance * run[diode.current]
         volts = max(V, float(np.abs(run[diode.v]).max()))
-        assert current.min() >= -1e-12 * most
+        assert current.min() >= -known * most
         assert over.max() <= 1e-12 * volts
-        assert np.abs(current * over).max() <= 1e-12 * most * volts
+        assert np.abs(current * over).max() <= known * most * volts
     return float(most)

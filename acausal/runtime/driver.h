@@ -221,25 +221,19 @@ static double rounding_floor(Integrator *I, Stages *S, double h) {
     return fmin(2 * EPS * v_largest(worst), 2 * EPS / T->unit);
 }
 
-#define CORNERED 2      /* power of a step's size by which its error falls where coefficients decay slowly */
-#define HINDERS 0.1     /* error by slow decay that does not let steps grow */
-#define BEYOND_DOUBT 16 /* times what is sampled of rounding: what decays slowly beyond that is none */
-
 /* Error of a step in units of its scale. Rounding of the rates makes (2 k + 1) times as much of coefficient k at most. */
 static double step_error_of(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
     long s = S->s, n = S->blocks * LANES;
-    double sizes[64] = {0}, clear[64] = {0}, largest = 0;
-    T->slow = 0;
+    double sizes[64] = {0}, largest = 0;
     for (long b = 0; b < S->blocks; b++) {
-        V most = v_all(0.0), much = v_all(0.0);
+        V most = v_all(0.0);
         for (long i = 0; i < I->nx; i++) {
-            V a = v_abs(((const V *)(S->a + i * n))[b]), unit = v_all(h / T->scale[i]), noise = T->noisy ? v_all(T->noise[i]) * S->odd[b] : v_all(0.0);
-            most = v_larger(most, v_larger(a - noise, v_all(0.0)) * unit);
-            much = v_larger(much, v_larger(a - v_all(BEYOND_DOUBT) * noise, v_all(0.0)) * unit);
+            V a = v_abs(((const V *)(S->a + i * n))[b]);
+            if (T->noisy) a = v_larger(a - v_all(T->noise[i]) * S->odd[b], v_all(0.0));
+            most = v_larger(most, a * v_all(h / T->scale[i]));
         }
         memcpy(sizes + b * LANES, &most, sizeof most);
-        memcpy(clear + b * LANES, &much, sizeof much);
     }
     for (long k = 0; k < s; k++)
         if (!(sizes[k] <= largest)) largest = sizes[k];
@@ -251,10 +245,7 @@ static double step_error_of(Integrator *I, Stages *S, double h) {
         double r = change / largest;
         return largest * (r < 1 ? r * r : 1);
     }
-    double error = error_by_decay(S->method, sizes, largest);
-    const int apart = S->around || present(&I->clearance) || I->redundant; /* beside singular positions, and where rows that depend on one another are led apart, others look */
-    T->slow = apart ? 0 : error_by_slow_decay(S->method, clear);
-    return fmax(error, T->slow < 1 ? power(T->slow, (double)(S->method->order + 1) / CORNERED) : T->slow);
+    return error_by_decay(S->method, sizes, largest);
 }
 
 /* Whether the rates jump or bend before the first or after the last node, where no stage sees it: the polynomial then misses the rates
@@ -503,7 +494,7 @@ static double error_around(Integrator *I, Stages *S, double h) {
     return fmax(along, whole);
 }
 
-/* The error of a step in units of its scale. Where it asks for shorter steps, or hinders longer ones, what of it is rounding is looked at and forgiven, which no
+/* The error of a step in units of its scale. Where it asks for shorter steps, what of it is rounding is looked at and forgiven, which no
    step size makes smaller; for as long as there is something to forgive. */
 static double step_error(Integrator *I, Stages *S, double h) {
     struct State *T = I->state;
@@ -511,8 +502,8 @@ static double step_error(Integrator *I, Stages *S, double h) {
     T->noisy = 0;
     if (S->around && I->through == STRAIGHT) return error_around(I, S, h);
     double near = beside_branches(I, S), error = fmax(near * step_error_of(I, S, h), missed_as_fast(I, S, h));
-    if (!noisy && error <= S->calm && T->slow < HINDERS) return error;
-    sample_noise(I, S, 0, T->slow >= HINDERS);
+    if (!noisy && error <= S->calm) return error;
+    sample_noise(I, S, 0, 0);
     for (long i = 0; i < I->nx; i++) T->scale[i] = fmax(T->scale[i], least_scale(I, i, h));
     if (S->around) { /* there only states that are nothing but rounding are forgiven */
         forget_noise(I);

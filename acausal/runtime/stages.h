@@ -140,17 +140,6 @@ static double error_by_decay(const Method *m, const double *sizes, double larges
     return fmax(end, power(TARGET, order + 1) * power(inside, (order + 1) / (double)(s + 1)));
 }
 
-#define UNKNOWN_PART 0.3 /* of the last coefficient that is known, what those are of which quadrature makes an error, where all decay slowly */
-
-/* The same of Gauss steps beside a place where a derivative of the rates is infinite: there the last coefficients decay slowly, however small a_0 makes all of them together
-   look, and give r. */
-static double error_by_slow_decay(const Method *m, const double *sizes) {
-    long s = m->stages;
-    if (m->kind != GAUSS || s < 4) return 0;
-    double then = fmax(sizes[s - 4], sizes[s - 3]), now = fmax(sizes[s - 2], sizes[s - 1]), order = (double)m->order;
-    return then > 0 ? UNKNOWN_PART * now * power(fmin(now / then, 1), 0.5 * (order - (double)s + 1)) : 0;
-}
-
 /* What is known of a guard: its side of zero (0: none), whether and since when it is at zero, whether it has been since the start. */
 struct GuardState {
     int side, at_zero, at_start;
@@ -245,7 +234,6 @@ struct State {
     long *overs;                    /* how often each switch went over since the last step */
     char *copied;
     long *own; /* states that are not copied */
-    double slow;       /* error of the step where coefficients decay slowly */
     double *carry, *size, *scale, *factor, *rate, *before, *start_rate, *end_rate, *increment;
     double *limit, *noise;   /* rates beyond which a state is larger than its scale says; what rounding makes of its rates, 0 where that is not looked at */
     double *spread;          /* the same, with what fast decay forgets before a stage is solved */

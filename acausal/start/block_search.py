@@ -76,19 +76,7 @@ def solve_block(
         best = keeping.nearest(found, spent, restarts)
     if right and block.unknowns.linear and _is_noise(search, best.y, sizes):
         return replace(best, y=np.zeros(best.y.size))
-    y = _without_noise(best.y, search.begun, sizes.unknowns)
-    return replace(best, y=y if block.unknowns.linear or not right else _at_zero(search, y))
-
-
-def _at_zero(search: _Search, y: np.ndarray) -> np.ndarray:
-    """Positions with zeros where the search left rounding and zero meets every row as well: a gap that begins closed is not below zero."""
-    left = np.abs(search.block.constraints(y, search.whole)[0])
-    for k in np.flatnonzero((y != search.begun) & (y != 0) & (np.abs(y) < _SAME * search.sizes.unknowns)):
-        at_zero = y.copy()
-        at_zero[k] = 0.0
-        if (np.abs(search.block.constraints(at_zero, search.whole)[0]) <= left).all():
-            y = at_zero
-    return y
+    return replace(best, y=_without_noise(best.y, search.begun, sizes.unknowns))
 
 
 def _is_noise(search: _Search, y: np.ndarray, sizes: Sizes) -> bool:
