@@ -827,11 +827,11 @@ static void shorten(Integrator *I, const Stages *S, double h, double error) {
 }
 
 /* Whether a step that passes a singular position closely is to be tried again but a little shorter: none of its stages may be as near then. */
-static int takes_other_stages(Integrator *I, const Stages *S, double h, int *avoided) {
+static int takes_other_stages(Integrator *I, const Stages *S, double h, int *avoided, int *refused) {
     if (!S->exact || *avoided >= AVOIDED) return 0;
     I->h = 0.95 * h;
     I->rejected++;
-    ++*avoided;
+    ++*avoided, --*refused;
     return 1;
 }
 
@@ -917,10 +917,7 @@ static enum Code one_adaptive(Integrator *I) {
         if (!(error <= 1)) {
             L.row = -1;
             if (begins_sooner(I, h)) continue;
-            if (S->around && takes_other_stages(I, S, h, &avoided)) {
-                refused--;
-                continue;
-            }
+            if (S->around && takes_other_stages(I, S, h, &avoided, &refused)) continue;
             shorten(I, S, h, error);
             if (++misses > 1 && S->around && I->through == STRAIGHT) made_exact(I);
             continue;
@@ -940,10 +937,7 @@ static enum Code one_adaptive(Integrator *I) {
         int kink = S->s > 2 ? hides_kink(I, S, h, misses > 0) : 0;
         if (kink < 0) return INPUT_FAILED;
         if (kink) {
-            if (takes_other_stages(I, S, h, &avoided)) {
-                refused--;
-                continue;
-            }
+            if (takes_other_stages(I, S, h, &avoided, &refused)) continue;
             if (T->noisy) T->doubts += CALM * SUSPECT; /* nor is what is no kink */
             I->h = 0.3 * h;
             I->rejected++;
@@ -970,10 +964,7 @@ static enum Code one_adaptive(Integrator *I) {
                 I->h = h;
                 continue;
             }
-            if (takes_other_stages(I, S, h, &avoided)) {
-                refused--;
-                continue;
-            }
+            if (takes_other_stages(I, S, h, &avoided, &refused)) continue;
             I->h = 0.5 * h;
             I->rejected++;
             failed = 1;

@@ -133,9 +133,7 @@ static double sum_of_changes(const Integrator *I, const Stages *S, const V *dK) 
     for (long b = 0; b < S->blocks; b++) {
         V part = v_all(0.0);
         for (long i = 0; i < I->nx; i++) {
-            V d = dK[b * I->nx + i];
-            if (T->noisy) d = v_larger(v_abs(d) - v_all(0.25 * T->noise[i]), v_all(0.0));
-            d = d * v_all(T->factor[i]);
+            V d = scaled_change(T, i, dK[b * I->nx + i]);
             part = v_fma(d, d, part);
         }
         parts[b] = part * S->counted[b];

@@ -647,14 +647,10 @@ static void widen(Integrator *I, Stages *S, V **K, double h) {
     T->widened = 1;
 }
 
-/* (N - K) factor, squared, summed over states, beyond what rounding makes of rates. */
-static V beyond_noise(const Integrator *I, const V *K, const V *N) {
-    V part = v_all(0.0);
-    for (long i = 0; i < I->nx; i++) {
-        V d = v_larger(v_abs(N[i] - K[i]) - v_all(0.25 * I->state->noise[i]), v_all(0.0)) * v_all(I->state->factor[i]);
-        part = v_fma(d, d, part);
-    }
-    return part;
+/* A change of the rates of state i in units of the scale, beyond what rounding makes of it. */
+INLINE V scaled_change(const struct State *T, long i, V change) {
+    if (T->noisy) change = v_larger(v_abs(change) - v_all(0.25 * T->noise[i]), v_all(0.0));
+    return change * v_all(T->factor[i]);
 }
 
 /* (N - K) factor, squared, summed over states and stages, divided by stages, rooted; then K = N. Around a singular position the same of
@@ -666,10 +662,9 @@ static double replace_rates(Integrator *I, Stages *S, double h, double *whole) {
     for (long b = 0; b < S->blocks; b++) {
         V part = v_all(0.0), *K = S->K[b], *N = S->N[b];
         for (long i = 0; i < I->nx; i++) {
-            V d = (N[i] - K[i]) * v_all(factor[i]);
+            V d = scaled_change(I->state, i, N[i] - K[i]);
             part = v_fma(d, d, part);
         }
-        if (I->state->noisy) part = beyond_noise(I, K, N);
         S->K[b] = N;
         S->N[b] = K;
         if (S->around) {

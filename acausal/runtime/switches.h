@@ -471,15 +471,14 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
 
 static int has_corner(const Integrator *I, long row);
 
-/* Whether so many values of a row in order of time are far from zero, beside what they change by; row_count apart. */
-static int is_far_above(const double *v, long row_count, int count, double changes) {
+/* Whether a row's values at POINTS places are far from zero, beside what they change by. */
+static int is_far_above(const double *v) {
     double least = v[0], most = v[0], finite = 0;
-    for (int k = 0; k < count; k++) {
-        double value = v[k * row_count];
-        least = value < least ? value : least, most = value > most ? value : most;
-        finite += 0 * value;
+    for (int k = 0; k < POINTS; k++) {
+        least = v[k] < least ? v[k] : least, most = v[k] > most ? v[k] : most;
+        finite += 0 * v[k];
     }
-    return least > changes * (most - least) + finite; /* never, where one of them is no number */
+    return least > 0.5 * (most - least) + finite; /* never, where one of them is no number */
 }
 
 #define FAR_CHANGES 5.0 /* where they are all so many times what they change by to either side at a few points, nothing else is looked for */
@@ -652,7 +651,7 @@ static double first_switch(Path *p, struct Landing *L) {
     if (!guard_values(p, theta, POINTS, T->row_values)) return -1;
     for (long r = 0; r < I->row_count; r++) {
         for (int j = 0; j < POINTS; j++) v[j] = T->row_values[j * I->row_count + r];
-        if (!has_corner(I, r) && is_far_above(v, 1, POINTS, 0.5)) {
+        if (!has_corner(I, r) && is_far_above(v)) {
             T->far[r] = 1;
             continue;
         }
