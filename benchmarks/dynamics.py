@@ -144,13 +144,14 @@ Peer = tuple[float, np.ndarray]
 
 
 def line(name: str, model: ac.Model, q: np.ndarray, v: np.ndarray, peer: Peer | None, binding: float) -> str:
-    """One row of the table; no number where there is no peer."""
+    """One row of the table; no number where there is no peer, and no ratio where its time is its binding's: one joint."""
     x, rows = state(model, q, v)
     one, many = Compiled(model, 1), Compiled(model, None)
     lanes, found = _lanes(), [c.run(x)[rows] for c in (one, many)]
     seconds, theirs = peer or (np.nan, np.full(len(rows), np.nan))
     gap = max(np.max(np.abs(values - theirs)) for values in found) / np.max(np.abs(theirs))
-    times = 1e6 * np.array([one.time(x), many.time(x) / lanes, seconds, seconds - binding])
+    alone = seconds - binding if len(rows) > 1 else np.nan
+    times = 1e6 * np.array([one.time(x), many.time(x) / lanes, seconds, alone])
     ratios = times[3] / times[:2]
     numbers = "".join(f"{t:>10.3f}" for t in times) + "".join(f"{r:>8.1f}" for r in ratios)
     return f"{name:>10}{operations(model.functions.explicit_dynamics):>8}{many.seconds:>9.2f}{numbers}{gap:>10.0e}"
