@@ -15,7 +15,7 @@ import acausal as ac
 from acausal.collocation.problem import Accuracy, Newton, Problem, StatusKind
 from acausal.collocation.tableau import gauss_legendre
 from acausal.integrators.base import native
-from acausal.integrators.gauss import default_order
+from acausal.integrators.gauss import Gauss
 from acausal.integrators.integrate import integrate
 from acausal.runtime.native import Choice
 from acausal.runtime.pattern import jacobian_pattern
@@ -144,7 +144,7 @@ def test_scenes_that_are_not_stiff_do_not_pay_for_the_choice(name):
     problem, x0 = run.problem, run.solution.x[:, 0]
     for rtol in (1e-3, 1e-6, 1e-9, 1e-12):
         accuracy = Accuracy(rtol, case.atol * rtol)
-        plain = Choice((gauss_legendre(default_order(rtol) // 2),), Newton.NEVER)
+        plain = Choice((gauss_legendre(Gauss.order // 2),), Newton.NEVER)
         alone = native(problem).integrate(problem, x0, 0.0, case.end, accuracy, plain)
         assert work(problem, x0, case.end, accuracy, "auto") < 1.3 * alone.statistics.work + 2e4
 

@@ -14,7 +14,7 @@ from acausal.collocation.tableau import gauss_legendre
 from acausal.errors import NoCompilerWarning, NoRuntimeError
 from acausal.integrators.base import AbstractIntegrator, native
 from acausal.integrators.builtin import Cvodes
-from acausal.integrators.gauss import Gauss, default_order
+from acausal.integrators.gauss import Gauss
 from acausal.integrators.radau import ADAPTIVE
 from acausal.runtime.native import Choice
 from acausal.wording import callers_level
@@ -35,7 +35,7 @@ class Automatic(AbstractIntegrator):
     """
 
     name: ClassVar[str] = "auto"
-    order: int | None = None
+    order: int = Gauss.order
     step: float | None = None
 
     def __post_init__(self) -> None:
@@ -51,10 +51,9 @@ class Automatic(AbstractIntegrator):
         except NoRuntimeError as error:
             warn_no_compiler(str(error))
             return Cvodes().integrate(problem, x0, t0, t1, accuracy, progress)
-        return compiled.integrate(problem, x0, t0, t1, accuracy, gauss_or_radau(accuracy.rtol, self.order), progress)
+        return compiled.integrate(problem, x0, t0, t1, accuracy, gauss_or_radau(self.order), progress)
 
 
-def gauss_or_radau(rtol: float, order: int | None = None) -> Choice:
-    """Gauss of an order, or of the one for a tolerance, and Radaus for where the motion is stiff."""
-    gauss = gauss_legendre((order or default_order(rtol)) // 2)
-    return Choice((gauss, *ADAPTIVE), Newton.WHERE_SLOW, adapt_order=True)
+def gauss_or_radau(order: int = Gauss.order) -> Choice:
+    """Gauss of an order, and Radaus for where the motion is stiff."""
+    return Choice((gauss_legendre(order // 2), *ADAPTIVE), Newton.WHERE_SLOW, adapt_order=True)

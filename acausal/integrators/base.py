@@ -24,7 +24,7 @@ class AbstractIntegrator(ABC):
     """A method for initial value problems. A concrete one is a frozen dataclass whose fields are its options.
 
     A new method is one new class, in a file of this package or anywhere: it is found by its `name`. Two options have a meaning for all methods that have
-    them: `order` (None: chosen from the tolerance; `OptionError` when made with one that it has not) and `step` (fixed size [s]; None:
+    them: `order` (`OptionError` when made with one that it has not) and `step` (fixed size [s]; None:
     adaptive). It obliges itself to: errors that fall with `rtol`; the order that it is asked for, at a fixed step; invariants of the problem
     kept to rounding by `project` after each step; guards located; what was computed until an interruption.
     `tests/conformance` finds and measures it.

@@ -39,7 +39,7 @@ def integrate_sensitivities(
     The derivatives are those of the numerical motion, carried along step by step, directions in lanes. What is asked for inside of steps is refined as dense
     output is, or the step ends there.
     """
-    choice = gauss_or_radau(accuracy.rtol)
+    choice = gauss_or_radau()
     start = float(times[0])
     run = Run(native(problem), problem, x0, start, start, accuracy, choice, directions, times[1:])
     begins = run.discrete_S.T.copy()

@@ -13,7 +13,6 @@
 #define TRIAL 8         /* steps that tell what a method costs */
 #define SHARE 0.4       /* of the work until then: what the first trial needs if all is well */
 #define OTHER 16        /* times longer or shorter steps: what a trial told says nothing here */
-#define MANY 6          /* stages of Gauss: with fewer it is not tried where Radau goes on, and seldom better */
 #define FORGOTTEN 4     /* times as long steps as may be tried: Gauss makes none */
 #define LOOKING 0.03    /* of the work: may be spent on looking */
 #define STEEP 2         /* slow steps beside singular positions, less those that are not */
@@ -443,7 +442,7 @@ static int review_newton(Integrator *I, Stages *S, double h) {
         return 1;
     }
     if (LOOKING * (I->work - C->looked) > look_cost(I) && !look(I, h)) return 0;
-    if (!C->decays || !first_radau(I) || too_long(I) > 1 || (I->method && I->method_list[0].stages < MANY)) return 1;
+    if (!C->decays || !first_radau(I) || too_long(I) > 1) return 1;
     int other = fmax(I->h / C->size, C->size / I->h) > OTHER, steady = I->h * TRIAL < 1.5 * C->motion;
     if (steady && I->work - C->since > fmax(other ? 0 : C->wait, TRIAL * newton / SHARE)) {
         begin_trial(I, I->method, C->cost / C->motion);

@@ -73,8 +73,7 @@ long simulator_index(simulator_kind kind, const char *name) {
 
 /* Methods */
 
-/* The order at which a tolerance is cheapest. */
-static long gauss_order(double rtol) { return rtol < 2e-4 ? 16 : 8; }
+enum { GAUSS_ORDER = 16 };
 
 static long radau_order(double rtol) { return rtol > 1e-6 ? 5 : rtol > 1e-10 ? 9 : 13; }
 
@@ -82,7 +81,7 @@ static long radau_order(double rtol) { return rtol > 1e-6 ? 5 : rtol > 1e-10 ? 9
 static int choose_method(Integrator *I, const simulator_options *options) {
     int radau = options->method == SIMULATOR_RADAU;
     if (!radau && options->method != SIMULATOR_GAUSS && options->method != SIMULATOR_AUTO) return 0;
-    long order = options->order ? options->order : radau ? radau_order(I->rtol) : gauss_order(I->rtol);
+    long order = options->order ? options->order : radau ? radau_order(I->rtol) : GAUSS_ORDER;
     I->newton = radau ? ALWAYS : WHERE_SLOW;
     I->adapt_order = options->method == SIMULATOR_AUTO || (radau && !options->order && !(options->step > 0));
     if (radau && I->adapt_order) {

@@ -76,7 +76,7 @@ typedef enum {
 /* How an instance integrates: it keeps this as long as it lives. */
 typedef struct {
     simulator_method method;
-    long order;     /* gauss, auto: even, 2 to 16; radau: odd, 1 to 13; 0: by the tolerance */
+    long order;     /* gauss, auto: even, 2 to 16; radau: odd, 1 to 13; 0: 16, radau by the tolerance */
     double rtol;    /* relative error per step, 0 < rtol < 1; no less than 1e-15 is used */
     double atol;    /* absolute error per step, in SI units; 0: none, states are judged by their sizes */
     double step;    /* size of fixed steps [s]; 0: as the tolerances allow */
@@ -135,7 +135,7 @@ SIMULATOR_API const char *simulator_unit(simulator_kind kind, long i);
 SIMULATOR_API double simulator_exported(simulator_kind kind, long i);
 SIMULATOR_API long simulator_index(simulator_kind kind, const char *name);
 
-/* auto, order by the tolerance, rtol = 1e-8, no fixed step, at most a million steps, inputs as they were exported. */
+/* auto, rtol = 1e-8, no fixed step, at most a million steps, inputs as they were exported. */
 SIMULATOR_API simulator_options simulator_defaults(void);
 
 /* What is wrong with options, in words; 0 when nothing is. options: 0 for simulator_defaults(), here and below. */
