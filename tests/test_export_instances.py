@@ -149,8 +149,10 @@ def test_reset_gives_an_instance_as_it_was_created():
     first = reached(instance, 1.0)
     assert instance.set(PARAMETER, 0, 1.25) == instance.set(INPUT, 0, 2.0) == instance.set(CONDITION, 0, 2.0) == SUCCESS
     assert instance.started(0.5) == SUCCESS and not np.allclose(reached(instance, 1.5), first)
+    assert instance.event().event >= 0
     instance.reset()
     assert instance.advance(1.0) == BAD_ARGUMENT and instance.words() == "There is no motion yet: start it."
+    assert instance.event().event == -1 and np.isnan([instance.event().time, instance.change().time]).all()
     assert instance.started() == SUCCESS and np.array_equal(reached(instance, 1.0), first)
 
 
@@ -188,7 +190,7 @@ def test_inputs_and_parameters_that_are_set_on_the_way_begin_a_new_piece():
         t += 0.4
         assert np.max(np.abs(reached(instance, t) - x)) < 1e-8, k
     steps = instance.summary().steps
-    assert instance.set(PARAMETER, 0, 3.0) == SUCCESS  # a coupler that cannot close the loop here
+    assert instance.set(PARAMETER, 0, 3.0) == instance.set(INPUT, 0, 0.1) == SUCCESS  # a coupler that cannot close the loop here
     assert instance.advance(2.0) == OPEN_START and instance.time() == t and instance.summary().steps == steps
     assert instance.advance(2.0) == OPEN_START
     assert instance.set(PARAMETER, 0, 1.2) == instance.started() == SUCCESS
@@ -203,6 +205,12 @@ def test_control_in_short_periods_costs_a_step_each():
         assert instance.set(INPUT, 0, 0.1 * np.sin(0.1 * k)) == SUCCESS
         reached(instance, 0.01 * k)
     assert instance.summary().steps < 230
+    rejected: list[int] = []
+    for k, torque in enumerate((1e4, 0.0)):  # steps were too long for the first, and none for the second
+        assert instance.set(INPUT, 0, torque) == SUCCESS
+        reached(instance, 2.0 + 0.01 * (k + 1))
+        rejected.append(instance.summary().rejected)
+    assert 0 < rejected[0] <= rejected[1]
 
 
 def test_calls_that_make_no_sense_are_told_and_change_nothing():

@@ -194,6 +194,8 @@ def test_values_inputs_and_methods_of_a_whole_motion(oscillator):
     assert same(library.simulate(times), start={scene.rail.q: 0.3})
     assert same(library.simulate(times, 1.0, x0, [1.5], values), t0=1.0, parameters=p, inputs={scene.push: 1.5})
     assert same(library.simulate(times, 0, x0, None, values, library.options(**driven)), parameters=p, inputs=slope)
+    finest = [library.simulate(times, options=library.options(rtol=rtol))[1] for rtol in (1e-15, 1e-30)]
+    assert np.array_equal(*finest)
     fixed = library.options(**driven, step=0.03, order=8)
     assert same(library.simulate(times, 0, x0, None, values, fixed), parameters=p, inputs=slope, step=0.03, order=8)
     radau = library.options(**driven, step=0.02, order=5, method=RADAU)
@@ -217,6 +219,7 @@ def test_what_a_call_cannot_do_is_a_status_in_words(oscillator):
     for options, words in (
         ({"order": 7}, "There is no method of that order."), ({"rtol": 2}, "rtol must lie"), ({"rtol": np.nan}, "rtol must lie"),
         ({"atol": -1}, "atol must be"), ({"step": np.nan}, "step must be"), ({"max_steps": 0}, "max_steps"), ({"method": 3}, "no method"),
+        ({"max_step": -1}, "max_step must"), ({"max_step": 0.1, "step": 0.1}, "max_step must"),
     ):  # fmt: skip
         wrong = library.options(**options)
         report = library.simulate(times, options=wrong)[0]
