@@ -104,7 +104,7 @@ def __getattr__(name: str) -> Any:
         import numpy
 
         hint = f" That of numpy takes expressions: np.{name}(...)." if hasattr(numpy, name) else nearest(name, __all__)
-        raise AttributeError(f"module 'acausal' has no attribute '{name}'.{hint}")
+        raise AttributeError(f"module 'acausal' has no attribute '{name}'.{hint}", name=None, obj=None)  # Python adds no hint
     found = globals()[name] = getattr(importlib.import_module(_LATER[name]), name)
     return found
 

@@ -169,7 +169,7 @@ class Component(metaclass=PartClass):
             declarations = [*declared(type(self), Connector), *declared(type(self), Variable)]
             has = ", ".join(dict.fromkeys([*declarations, *own])) or "nothing yet; assign parts first: self.name = ..."
             hint = f" Did you mean '{similar[0]}'?" if similar else ""
-            raise AttributeError(f"{self!r} has no '{name}'.{hint} It has: {has}.")
+            raise AttributeError(f"{self!r} has no '{name}'.{hint} It has: {has}.", name=None, obj=None)  # Python adds no hint
 
     def __repr__(self) -> str:
         return f"{type(self).__name__} (made at {self.created_at})" if self.created_at else type(self).__name__

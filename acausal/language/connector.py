@@ -81,7 +81,7 @@ class Connector:
             hint = f"Did you mean '{similar[0]}'?" if similar else f"It has: {', '.join(known)}."
             if name in ("rotation", "torque", "angular_velocity", "angular_acceleration"):
                 hint = "A point has a position and no orientation; only frames have one."
-            raise AttributeError(f"{self!r} has no '{name}'. {hint}")
+            raise AttributeError(f"{self!r} has no '{name}'. {hint}", name=None, obj=None)  # Python adds no hint
 
     def __repr__(self) -> str:
         kind = type(self).__name__
