@@ -39,7 +39,7 @@ from tests.exported import (
     compile_quickly,
     program,
 )
-from tests.test_sensitivity import AdjustableFourBar
+from tests.test_sensitivity import AdjustableFourBar, Oscillator
 
 
 class Scene(AdjustableFourBar):
@@ -211,6 +211,32 @@ def test_control_in_short_periods_costs_a_step_each():
         reached(instance, 2.0 + 0.01 * (k + 1))
         rejected.append(instance.summary().rejected)
     assert 0 < rejected[0] <= rejected[1]
+
+
+def test_what_has_died_away_is_judged_beside_what_it_was_in_new_pieces_too(tmp_path):
+    scene = Oscillator(damping=0.1)
+    library = Library(ac.build(scene).export_simulator(tmp_path, {scene.rail.q: 0.3}))
+    steps: list[int] = []
+    for pieces in (1, 10):
+        instance = library.instance()
+        assert instance.started() == SUCCESS
+        for t in np.linspace(400.0, 500.0, pieces + 1):
+            assert instance.renew() == instance.advance(t) == SUCCESS
+        steps.append(instance.summary().steps)
+    assert steps[1] <= steps[0] + 15
+
+
+def test_a_new_start_forgets_the_motion_before_also_where_it_fails():
+    library = driven()[-1]
+    fresh, instance = library.instance(), library.instance()
+    assert fresh.started() == instance.started() == SUCCESS
+    reached(instance, 2.0)
+    assert instance.event().event >= 0 and instance.started() == SUCCESS
+    assert instance.event().event == -1 and instance.change().count == fresh.change().count
+    assert reached(instance, 0.1).tobytes() == reached(fresh, 0.1).tobytes()
+    assert instance.summary().steps == fresh.summary().steps
+    assert instance.set(CONDITION, 0, np.nan) == SUCCESS and instance.started() == OPEN_START
+    assert [getattr(instance.summary(), name) for name in ("steps", "evaluations", "samples", "time")] == [0, 0, 0, 0]
 
 
 def test_calls_that_make_no_sense_are_told_and_change_nothing():

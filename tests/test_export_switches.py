@@ -13,7 +13,7 @@ from scipy.interpolate import CubicSpline
 import acausal as ac
 from acausal.errors import ExportError
 from components import Force, Particle, Prismatic, World
-from tests.exported import AUTO, BAD_ARGUMENT, GAUSS, INPUT, RADAU, SLIDES, SUCCESS, Library
+from tests.exported import AT_EVENT, AUTO, BAD_ARGUMENT, GAUSS, INPUT, MAX_STEPS, PARAMETER, RADAU, SLIDES, SUCCESS, Library
 from tests.pairings import each_value
 
 T = ac.time.sx
@@ -99,6 +99,32 @@ def test_real_time_in_short_periods_ends_steps_at_knots_too(machine):
     for t in np.linspace(0.05, END, 80):
         list(instance.events(t))
     assert np.max(np.abs(instance.x - model.simulate(END, start, inputs=inputs, rtol=1e-12).x[:, -1])) < 1e-11
+
+
+@pytest.mark.parametrize("method", ["auto", "gauss"])
+def test_pieces_go_on_by_the_method_of_what_was_before_and_their_steps_add_up(machine, method):
+    _, model, _, _, library = machine
+    stiff = list(model.parameter_names).index("damping"), 1e5
+
+    def moved(**more):
+        options = library.options(method=METHODS[method], rtol=1e-6, **more)
+        instance, found = library.instance(options), []
+        assert instance.set(PARAMETER, *stiff) == instance.started() == SUCCESS
+        for end in np.linspace(3.0, END, 21):
+            while (status := instance.advance(end)) == AT_EVENT:
+                pass
+            found.append(instance.summary())
+            if status != SUCCESS:
+                break
+            assert instance.renew() == SUCCESS
+        return found
+
+    reports = moved()
+    assert reports[0].newton_steps > 0 and len({r.steps - r.newton_steps for r in reports}) == 1
+    assert method == "gauss" or (reports[0].radau_steps > 0 and len({r.steps - r.radau_steps for r in reports[1:]}) == 1)
+    enough = reports[0].steps + 10
+    last = moved(max_steps=enough)[-1]
+    assert (last.status, last.steps) == (MAX_STEPS, enough) and enough < reports[-1].steps
 
 
 def test_a_motion_that_slides_along_a_switch_says_so(machine):

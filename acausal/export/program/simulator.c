@@ -586,7 +586,6 @@ static int begin_piece(simulator_instance *s, double h, const double *met) {
     for (long i = 0; met && i < I->nx; i++) I->size[i] = fmax(I->size[i], met[i]);
     if (met) remember(I, s->values[SIMULATOR_INPUT] + count_of(SIMULATOR_INPUT));
     if (I->newton == WHERE_SLOW && h > 0 && old.newton_steps) use_newton(I);
-    s->told = 0;
     s->renewed = NOTHING_NEW;
     s->stage = STARTED;
     return said(s, SIMULATOR_SUCCESS, 0);
