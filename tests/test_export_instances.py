@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from components import Particle, PointOnCurve, Prismatic, SplineCurve, TorqueSource, World
+from components import AngleSource, Particle, PointOnCurve, Prismatic, SplineCurve, TorqueSource, World
 from tests.exported import (
     AT_EVENT,
     BAD_ARGUMENT,
@@ -39,6 +39,7 @@ from tests.exported import (
     compile_quickly,
     program,
 )
+from tests.test_integrability import disk_on_a_line
 from tests.test_sensitivity import AdjustableFourBar, Oscillator
 
 
@@ -237,6 +238,28 @@ def test_a_new_start_forgets_the_motion_before_also_where_it_fails():
     assert instance.summary().steps == fresh.summary().steps
     assert instance.set(CONDITION, 0, np.nan) == SUCCESS and instance.started() == OPEN_START
     assert [getattr(instance.summary(), name) for name in ("steps", "evaluations", "samples", "time")] == [0, 0, 0, 0]
+
+
+def test_starts_are_those_of_their_time_and_values_whatever_was_started_before(tmp_path):
+    """A disk that rolls on a line keeps where it began as a constant; a crank that time turns is where its time says."""
+    scene = disk_on_a_line()
+    start = {scene.rail.q: 0.3, scene.hub.q: 0.1, scene.rail.v: 1.0}
+    library = Library(ac.build(scene).export_simulator(tmp_path / "disk", start, outputs={"x": scene.rail.q}))
+    instance, place = library.instance(), library.names(CONDITION).index("rail.q")
+    for x in (0.3, 2.0, 0.3):
+        assert instance.set(CONDITION, place, x) == instance.started() == instance.advance(1.0) == SUCCESS
+        assert instance.get(OUTPUT, 0) == pytest.approx(x + 1, abs=1e-13)
+    led = AdjustableFourBar()
+    led.drive = AngleSource(1.0 + 0.5 * np.sin(ac.time))
+    led.connect(led.drive.flange, led.a.flange)
+    near = {led.b.q: ac.near(0.3)}
+    model = ac.build(led)
+    library = Library(model.export_simulator(tmp_path / "led", near, outputs={"a": led.a.q}))
+    instance = library.instance()
+    for t in (0.0, 0.7, -2.0, 0.0):
+        assert instance.started(t) == SUCCESS
+        assert instance.get(OUTPUT, 0) == pytest.approx(1 + 0.5 * np.sin(t), abs=1e-13)
+        assert instance.x == pytest.approx(model.initial_state(near, t0=t).x, abs=1e-12)
 
 
 def test_calls_that_make_no_sense_are_told_and_change_nothing():
