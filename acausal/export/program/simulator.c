@@ -711,7 +711,6 @@ static int take_step(simulator_instance *s, double towards) {
     I->end = isfinite(s->end) ? s->end : towards;
     I->events = s->told = 0;
     enum Code code = (enum Code)advance(I);
-    if (!I->nx && !I->set_count && !I->guards) I->t = I->end; /* without a step */
     if (code != PAUSED && code != REACHED_END && code != EVENT) return ended(s, code);
     if (I->nx && comes_by_singular(s))
         return failed(s, SIMULATOR_OTHER_MODEL, "Loops come to a singular position, of which they have none with the values that were exported: export a model that is built with these.");
