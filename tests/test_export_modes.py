@@ -293,6 +293,8 @@ def test_an_event_that_stops_at_an_impact_stops_where_the_package_does() -> None
     assert status == STOPPED
     assert instance.time() == pytest.approx(run.t[-1], rel=1e-15)
     assert np.array_equal(instance.x, run.x[:, -1])
+    met = run.solution.modes
+    assert met is not None and instance.change().count == len(met.changes)
 
 
 @pytest.mark.slow
