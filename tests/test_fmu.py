@@ -45,12 +45,12 @@ def moved(x: float, v: float, push: float, mass: float, h: float) -> tuple[float
 @pytest.fixture(scope="module")
 def unit(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scene = oscillator()
-    stops = [ac.when(scene.mass.s - LIMIT, "rising", stop=True)]
+    events = [ac.when(scene.mass.s - LIMIT, "rising", stop=True), ac.when(scene.mass.v)]
     model, folder = ac.build(scene), tmp_path_factory.mktemp("units")
     with pytest.MonkeyPatch.context() as patch:
         compile_quickly(patch)
         return model.export_fmu(
-            folder / "oscillator", {scene.mass.s: 0.3}, outputs={"pull": scene.spring.flange_b.f}, events=stops
+            folder / "oscillator", {scene.mass.s: 0.3}, outputs={"pull": scene.spring.flange_b.f}, events=events
         )
 
 
@@ -65,13 +65,16 @@ class Slave:
             guid=guid or self.description.guid, unzipDirectory=fmpy.extract(str(unit), str(folder)), modelIdentifier="oscillator", instanceName="one"
         )  # fmt: skip
 
-    def begin(self, tolerance: float | None = None, end: float | None = None, values: Mapping[str, float] | None = None) -> None:
+    def make(self) -> None:
         callbacks = fmpy.fmi2.fmi2CallbackFunctions()
         callbacks.logger = fmpy.fmi2.fmi2CallbackLoggerTYPE(lambda *given: self.told.append(given[4].decode()))
         callbacks.allocateMemory = fmpy.fmi2.fmi2CallbackAllocateMemoryTYPE(fmpy.fmi2.calloc)
         callbacks.freeMemory = fmpy.fmi2.fmi2CallbackFreeMemoryTYPE(fmpy.fmi2.free)
         self.callbacks = callbacks
         self.fmu.instantiate(callbacks=callbacks)
+
+    def begin(self, tolerance: float | None = None, end: float | None = None, values: Mapping[str, float] | None = None) -> None:
+        self.make()
         self.start(tolerance, end, values)
 
     def start(self, tolerance: float | None = None, end: float | None = None, values: Mapping[str, float] | None = None) -> None:
@@ -128,6 +131,37 @@ def test_it_moves_as_said_between_points_of_any_distance(slave: Slave, end: floa
         assert abs(abs(slave["pull"]) - abs(STIFFNESS * x)) < 1e-10
 
 
+def test_what_is_set_before_the_experiment_and_while_it_begins_counts(slave: Slave):
+    slave.make()
+    slave["m"], slave["start.mass.s"] = 0.5, 0.1
+    slave.fmu.setupExperiment(tolerance=1e-12, startTime=0.0)
+    slave.fmu.enterInitializationMode()
+    for place in (0.1, 0.2):
+        slave["start.mass.s"] = place
+        assert slave["mass.s"] == place and abs(slave["pull"]) == pytest.approx(STIFFNESS * place, rel=1e-15)
+    slave.fmu.exitInitializationMode()
+    slave.fmu.doStep(0.0, 0.5)
+    np.testing.assert_allclose(slave.state, moved(0.2, 0.0, 0.0, 0.5, 0.5), atol=1e-11)
+
+
+def test_points_between_and_values_that_are_set_again_change_no_bit(slave: Slave):
+    ends: list[np.ndarray] = []
+    for points, again in ((1, False), (10, False), (10, True)):
+        if not ends:
+            slave.make()
+        else:
+            slave.fmu.reset()
+        slave.start(1e-8, 1.0, {"push": 1.0})
+        for k in range(points):
+            if again:
+                slave["push"], slave["m"] = 1.0, 2.0
+            slave.fmu.doStep(k / points, 1 / points)
+        ends.append(slave.state)
+        slave.fmu.doStep(1.0, 0.5)  # beyond the end of the experiment, as masters do
+        np.testing.assert_allclose(slave.state, moved(0.3, 0.0, 1.0, 2.0, 1.5), atol=1e-7)
+    assert ends[0].tobytes() == ends[1].tobytes() == ends[2].tobytes()
+
+
 def test_it_goes_back_and_moves_alike(slave: Slave):
     slave.begin(1e-10, None, {"push": 1.0})
     slave.fmu.doStep(0.0, 0.25)
@@ -153,6 +187,10 @@ def test_an_event_that_stops_discards_the_rest_of_its_step(slave: Slave):
     reached = slave.fmu.getRealStatus(fmpy.fmi2.fmi2LastSuccessfulTime)
     assert abs(reached - np.arccos((LIMIT - middle) / (0.3 - middle)) / rate) < 1e-11
     assert abs(slave["mass.s"] - LIMIT) < 1e-11
+    slave["push"] = 0.0
+    with pytest.raises(FMICallException, match="discard"):  # it has ended, whatever is set
+        slave.fmu.doStep(3.0, 1.0)
+    assert abs(slave["mass.s"] - LIMIT) < 1e-11
 
 
 def test_what_makes_no_sense_is_told(slave: Slave, unit: Path, tmp_path: Path):
@@ -165,10 +203,15 @@ def test_what_makes_no_sense_is_told(slave: Slave, unit: Path, tmp_path: Path):
         (lambda: slave.fmu.doStep(0.0, -0.1), "cannot go back"),
         (lambda: slave.fmu.getInteger([0]), "real numbers"),
         (lambda: slave.start(), "before it is initialised"),
+        (lambda: slave.fmu.enterInitializationMode(), "initialised before"),
     ):
         with pytest.raises(FMICallException):
             wrong()
         assert words in slave.told[-1], slave.told
+    slave.fmu.reset()
+    with pytest.raises(FMICallException):
+        slave.fmu.setupExperiment(startTime=1.0, stopTime=1.0)
+    assert "ends before it starts" in slave.told[-1]
     other = Slave(unit, tmp_path / "other", guid="{0}")
     with pytest.raises(Exception, match="instantiate"):
         other.fmu.instantiate()
