@@ -172,6 +172,12 @@ def test_it_goes_back_and_moves_alike(slave: Slave):
         slave.fmu.setFMUState(kept)
         slave.fmu.doStep(0.25, step)
     assert np.array_equal(slave.state, there)
+    slave["push"] = 50.0
+    with pytest.raises(FMICallException, match="discard"):
+        slave.fmu.doStep(0.75, 3.0)
+    slave.fmu.setFMUState(kept)  # also from where an event has ended the motion
+    slave.fmu.doStep(0.25, 0.5)
+    assert np.array_equal(slave.state, there)
     slave.fmu.freeFMUState(kept)
     slave.fmu.reset()
     slave.start()
