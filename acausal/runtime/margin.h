@@ -8,7 +8,7 @@
    functions (Nesterov and Nemirovskii, Interior-Point Polynomial Algorithms, 1994). Whether there is any: all limits are moved outwards by s, the least s is looked for. */
 
 #define NO_MARGIN 1e-12 /* of the largest reaction: limits that leave no more than this leave nothing */
-#define BRIEFLY 1e-11   /* the same, where nothing fits a little later: limits that are met within rounding of the time */
+#define BRIEFLY 2e-12   /* the same, where nothing fits a little later: limits that are met within rounding of the time */
 #define FROM_LATER 1e-8 /* of the largest: rounding, beside what has grown so much later */
 #define AT_REST 1e-7    /* of the largest: accelerations of rows that do not move, before it is known that they do not */
 #define HARDEST 1e14    /* weight of s */
@@ -488,10 +488,10 @@ static int hold_together(Integrator *I, const long *law, long first, const doubl
     return 1;
 }
 
-/* Whether this law is of a friction that a row may press which holds: where it takes no force, as by an answer in which nothing presses there, it holds as well. */
-static int may_press(const Decision *D, long k, const long *law) {
-    int presses = k >= D->gaps && D->hold[k - D->gaps] > 0;
-    for (long i = 0; i < D->gaps && k >= D->gaps; i++) presses |= law[i] == HOLDS && limit_needs(D, k - D->gaps, i);
+/* Whether a friction is pressed by something, by a row that holds for one. */
+static int may_press(const Decision *D, long f, const long *law) {
+    int presses = D->hold[f] > 0 || grows_with_magnitudes(D, f);
+    for (long i = 0; i < D->gaps; i++) presses |= law[i] == HOLDS && limit_needs(D, f, i);
     return presses;
 }
 
@@ -517,7 +517,8 @@ static int hold_more(Integrator *I, const Decision *D, const long *asked, long *
         for (long k = 0; k < laws; k++) {
             int may = asked[k] == MAY_HOLD || asked[k] == MAY_SLIDE;
             given[k] = law[k] == STARTS ? AGAINST : law[k];
-            if (may && (pass == 2 || (!moves[k] && (law[k] == STARTS || (stays[k] && pass == 0) || may_press(D, k, given))))) given[k] = HOLDS;
+            int rests = k < D->gaps ? stays[k] && pass == 0 : may_press(D, k - D->gaps, given); /* where it takes no force, as by an answer in which nothing presses there, it holds as well */
+            if (may && (pass == 2 || (!moves[k] && rests))) given[k] = HOLDS;
         }
         for (long k = 0; k < laws; k++) {
             if (seen[k] || done[k] || given[k] != HOLDS || (pass == 2 && (law[k] == HOLDS || !(moves[k] || stays[k] || law[k] == STARTS)))) continue;

@@ -1,5 +1,8 @@
 /* Simplified Newton iteration in the eigenvectors of A: Hairer and Wanner, Solving ODEs II, section IV.8. */
 
+#define MIXED 6      /* pairs of changes and rates, at most, that tell how changes go with these */
+#define NO_NEWS 1e-8 /* of the square of a change: so much beside the others says nothing */
+
 /* Costs of Newton's iteration, in operations on lanes. */
 static double jacobian_cost(const Integrator *I) {
     return (double)((I->pattern.colours + COUNTED - 1) / COUNTED) * (3 * (double)I->operations + 150 * (double)I->nx);
@@ -31,6 +34,11 @@ static int make_newton(Integrator *I) {
         if (I->method_list[k].stages > s) s = I->method_list[k].stages;
     T->dK = reserve_lanes(I, (s + LANES - 1) / LANES * n);
     T->residual = reserve_lanes(I, (s + LANES - 1) / LANES * n);
+    if (slips_turn(I)) {
+        T->mixed = reserve_lanes(I, 2 * (MIXED + 1) * ((s + LANES - 1) / LANES * n));
+        T->mixed_by = reserve_doubles(I, n);
+        if (!I->counted && (!T->mixed || !T->mixed_by)) return 0;
+    }
     if (I->counted) return prepared(I, &I->jvp, T->jvp_in, &T->jvp_c);
     if (!T->J || !T->row || !T->jvp_in || !T->jvp_out || !T->dK || !T->residual) return 0;
     for (long i = 0; i < I->np; i++) T->jvp_in[1 + I->nx + I->nu + i] = v_all(I->parameters[i]);
@@ -141,6 +149,54 @@ static double sum_of_changes(const Integrator *I, const Stages *S, const V *dK) 
     return sum_of_blocks(parts, S->blocks);
 }
 
+/* The product of two changes of rates (blocks, nx), in units of T->mixed_by. */
+static double product_of(const Integrator *I, const Stages *S, const V *a, const V *b) {
+    const double *by = I->state->mixed_by;
+    V parts[BLOCKS];
+    for (long k = 0; k < S->blocks; k++) {
+        V part = v_all(0.0);
+        for (long i = 0; i < I->nx; i++) part = v_fma(a[k * I->nx + i] * v_all(by[i]), b[k * I->nx + i] * v_all(by[i]), part);
+        parts[k] = part * S->counted[k];
+    }
+    return sum_of_blocks(parts, S->blocks);
+}
+
+/* Anderson's mixing (1965): of all rates that the last ones, and the changes dK that Newton's iteration made of them, lead to, those are gone on from of which least is left, as far as changes have gone
+   with rates until now. Slips that begin or end stiffen their directions, or slacken them, many times in a step: then one Jacobian leaves much of a change, but few directions of it. */
+static void mix(Integrator *I, const Stages *S, int count) {
+    struct State *T = I->state;
+    long n = I->nx, size = S->blocks * n;
+    V *last = T->mixed, *pairs = last + 2 * size, *dK = T->dK; /* a change, and the rates that it is of; differences of such, whose changes are orthonormal */
+    if (count == 0) {
+        T->mixes = 0;
+        memcpy(T->mixed_by, T->factor, sizeof(double) * (size_t)n);
+    } else if (T->mixes < MIXED) {
+        V *mine = pairs + 2 * T->mixes * size;
+        for (long k = 0; k < size; k++) {
+            mine[k] = dK[k] - last[k];
+            mine[size + k] = S->K[k / n][k % n] - last[size + k];
+        }
+        double all = product_of(I, S, mine, mine);
+        for (long j = 0; j < 2 * T->mixes; j++) { /* twice is enough */
+            const V *other = pairs + 2 * (j % T->mixes) * size;
+            double part = product_of(I, S, mine, other);
+            for (long k = 0; k < 2 * size; k++) mine[k] -= v_all(part) * other[k];
+        }
+        double left = product_of(I, S, mine, mine);
+        if (left > NO_NEWS * all && left < INFINITY) {
+            for (long k = 0; k < 2 * size; k++) mine[k] *= v_all(1 / sqrt(left));
+            T->mixes++;
+        }
+    }
+    memcpy(last, dK, sizeof(V) * (size_t)size);
+    for (long k = 0; k < size; k++) last[size + k] = S->K[k / n][k % n];
+    for (long j = 0; j < T->mixes; j++) {
+        const V *other = pairs + 2 * j * size;
+        double part = product_of(I, S, dK, other);
+        for (long k = 0; k < size; k++) dK[k] -= v_all(part) * (other[k] + other[size + k]);
+    }
+}
+
 static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J) {
     struct State *T = I->state;
     const Method *m = S->method;
@@ -157,6 +213,10 @@ static int newton(Integrator *I, Stages *S, double h, const double *x, Judge *J)
         for (long b = 0; b < S->blocks; b++)
             for (long i = 0; i < n; i++) T->residual[b * n + i] = S->N[b][i] - S->K[b][i];
         newton_direction(I, S, T->residual, T->dK);
+        if (slips_turn(I)) {
+            widen(I, S, S->K, h);
+            mix(I, S, J->count);
+        }
         for (long b = 0; b < S->blocks; b++)
             for (long i = 0; i < n; i++) S->K[b][i] += T->dK[b * n + i];
         widen(I, S, S->K, h);

@@ -249,6 +249,8 @@ struct State {
     V *D_inside, *D_series, *D_there; /* inside of a step: rates, Legendre coefficients, values; see asked.h */
     double *J;               /* of the rates, by pattern */
     V *dK, *residual;        /* Newton: per block and state */
+    V *mixed;                /* where slips turn: see `mix` in newton.h */
+    double *mixed_by;
     struct Sparse sparse;
     struct Factors forgetting;
     double *krylov;          /* work of looking for stiffness */
@@ -284,6 +286,7 @@ struct State {
     double factored_h, jacobian_time; /* of Newton */
     long factored_method;
     int jacobian_fresh;
+    long mixes; /* pairs of `mixed` that are filled */
     double part;             /* part of the usual distance that rates were continued from; 0: they were not */
     double speed;            /* the largest velocity that was met, beside what is much for it [1/s] */
     int twofold;             /* whether exact kernels are needed */
