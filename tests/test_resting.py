@@ -110,10 +110,10 @@ def test_points_that_begin_to_slip_one_after_the_other_while_their_loads_turn_go
         assert run[point.point.position][-1] == pytest.approx(place + np.array([moved.real, moved.imag, 0]), abs=1e-11 * n.L)
         times = [t.time for t in run.transitions if any(part.startswith(f"feet[{k}]") for part in t.parts)]
         assert times == pytest.approx([t for t in (a, a + b) if t < end], rel=INSTANT)
-    assert run.statistics.steps < 1000  # of ten slips that begin or end
+    assert run.statistics.steps < 600  # of ten slips that begin or end
 
 
-@pytest.mark.parametrize("direction", [0.65, 0.7246027037455638, 1.1])
+@pytest.mark.parametrize("direction", [0.65, 0.7246027037455638])
 def test_a_pushed_box_tips_once_and_only_then_at_any_tolerance(direction: float) -> None:
     """The same, in directions that differ by how much less the load of one of the two last feet is; friction of feet that carry nothing holds nothing, whatever forces it was left by rounding."""
     across, aside = np.cos(direction), np.sin(direction)

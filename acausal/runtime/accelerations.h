@@ -441,6 +441,7 @@ static int start_together(Integrator *I, Room R, double planned) {
         mask[1] = 1, mask[2] = mask[4] = mask[5] = 0;
     }
     give_speeds(I, &D, R, law, missing);
+    T->begins_in = time;
     return 1;
 }
 
@@ -467,7 +468,9 @@ static int let_go(Integrator *I, Room R) {
         R.law[D.gaps + f] = AGAINST;
         R.touching[D.gaps + f] = 2;
         mask[1] = 1, mask[2] = mask[4] = mask[5] = 0;
-        mask[3] = fmin(mask[3], 0.5 * fabs(part) * hypot(R.push[i], R.push[i + 1])); /* it is not held again at once */
+        double speed = fabs(part) * hypot(R.push[i], R.push[i + 1]), doubles = speed / size_of(&D, f, R.rate);
+        mask[3] = fmin(mask[3], 0.5 * speed); /* it is not held again at once */
+        if (!(doubles > I->state->begins_in && I->state->begins_in > 0)) I->state->begins_in = doubles;
     }
     give_speeds(I, &D, R, law, missing);
     return 1;

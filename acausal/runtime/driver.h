@@ -594,6 +594,7 @@ static int spread_rounding(Integrator *I, double reach) {
 
 static int rows_at(Integrator *I, double t, const double *x);
 static double rounding_of_row(const Integrator *I, long i);
+static int has_corner(const Integrator *I, long row);
 
 #define UNTIL 1e-3    /* of a step: what a row does then says when it comes to zero; and of that, where it does not fall */
 #define CLEARLY 16    /* roundings of a row, which a fall is that says so */
@@ -622,6 +623,21 @@ static double until_a_switch(Integrator *I, double h, long *row) {
         h = found < h ? found : UNTIL * h;
     }
     return soonest;
+}
+
+#define SLACKENS 16 /* times the slip: by more than that one Jacobian tells nothing of its direction, not even how badly */
+
+/* How many times too long a step of size h is for slips that begin, by what they are at its end. Negative when the input function failed. */
+static double outgrown(Integrator *I, double h) {
+    struct State *T = I->state;
+    double *value = T->row_values, most = 1;
+    if (!rows_at(I, I->t, I->x)) return -1;
+    memcpy(value, T->one_row, sizeof(double) * (size_t)I->row_count);
+    for (long i = 0; i < I->nx; i++) T->before[i] = I->x[i] + T->increment[i];
+    if (!rows_at(I, I->t + h, T->before)) return -1;
+    for (long r = 0; r < I->row_count; r++)
+        if (has_corner(I, r) && value[r] > 0) most = fmax(most, T->one_row[r] / value[r]);
+    return (sqrt(most) - 1) / (sqrt(SLACKENS) - 1);
 }
 
 #define SHORTENINGS 60
@@ -845,6 +861,7 @@ static enum Code one_adaptive(Integrator *I) {
     double first = fmin(I->h, I->end - I->t);
     if (!T->missed || first > T->planned) T->planned = first; /* near a jump steps stay small: states are sized by those before */
     if (T->doubts == 0) T->trusted = I->h;
+    if (T->settling && I->method == 0) turn_to_newton(I, some_radau(I), I->h);
     for (;;) {
         if (T->newton_now && !present(&I->jvp)) return NEEDS_JACOBIAN;
         if (T->jumped && !listen_after_jump(I)) return INPUT_FAILED;
@@ -913,6 +930,14 @@ static enum Code one_adaptive(Integrator *I) {
         }
         legendre_coefficients(I, S, S->around ? S->G : S->K);
         step_increments(I, S);
+        double times = T->settling ? outgrown(I, h) : 0;
+        if (times < 0) return INPUT_FAILED;
+        if (times > 1) {
+            L.row = -1;
+            I->h = h / times;
+            I->rejected++;
+            continue;
+        }
         double error = step_error(I, S, h);
         if (!(error <= 1)) {
             L.row = -1;
@@ -999,7 +1024,8 @@ static enum Code one_adaptive(Integrator *I) {
         if (!listen_again(I, h)) return INPUT_FAILED;
         choose_size(I, h, wanted, contraction, failed);
         if (S->method->kind == RADAU) choose_order(I, contraction, failed);
-        if (is_steep(I, S, failed || wanted > 2 * I->h)) begin_weighing(I);
+        if (T->settling) let_settle(I, h);
+        else if (is_steep(I, S, failed || wanted > 2 * I->h)) begin_weighing(I);
         else if (!T->newton_now) leave_fixed_point(I, S, h, converging(I, h, contraction, failed), wanted, I->work - spent);
         else if (!review_newton(I, S, h)) return INPUT_FAILED;
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */

@@ -605,6 +605,7 @@ static enum Code decide_reactions(Integrator *I, long row, double planned) {
     int freed = let_go(I, R), begins = start_together(I, R, planned);
     if (begins < 0 || freed < 0) return INPUT_FAILED;
     lifted |= begins | freed;
+    T->settling |= (begins | freed) && I->newton == WHERE_SLOW && some_radau(I);
     for (int more = 1; more;) {
         memcpy(T->later_x, I->x, sizeof(double) * (size_t)I->nx);
         project(I, I->t, I->x);

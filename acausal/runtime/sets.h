@@ -374,7 +374,8 @@ static enum Code decide_modes(Integrator *I, long row, double planned) {
     for (long r = 0; r < I->row_count; r++) T->far[r] = 0;
     forget_rates(I);
     forget_mode(I);
-    I->h = planned;
+    I->h = T->begins_in > 0 ? fmin(planned, T->begins_in) : planned;
+    T->begins_in = 0;
     T->pending = -1;
     T->crossed = 0;
     return REACHED_END;

@@ -282,6 +282,8 @@ struct State {
     long terms;
     long events_before, event_capacity;
     int newton_now, begun, start_known, end_known;
+    int settling;            /* whether slips have begun whose directions may still be stiff, and Radau is to be had for these */
+    double begins_in;        /* how long it takes until slips that have just begun are twice what they are; 0: there are none */
     struct Costs costs;
     double factored_h, jacobian_time; /* of Newton */
     long factored_method;

@@ -261,11 +261,13 @@ static void turn_to_gauss(Integrator *I) {
 }
 
 /* Number of the Radau method to begin with; 0 where there is none but Gauss. */
-static long first_radau(const Integrator *I) {
-    if (slips_turn(I) && I->method_list[0].kind == GAUSS) return 0;
+static long some_radau(const Integrator *I) {
     long wanted = (I->method_list[0].kind == GAUSS) + (I->rtol > 1e-4 ? 0 : I->rtol > 1e-9 ? 1 : 2);
     return wanted < I->methods ? wanted : I->methods - 1;
 }
+
+/* The same, where what is stiff lasts. */
+static long first_radau(const Integrator *I) { return slips_turn(I) && I->method_list[0].kind == GAUSS ? 0 : some_radau(I); }
 
 static int is_beside(const Integrator *I, const Stages *S) {
     for (long j = 0; j < S->s && present(&I->clearance); j++)
@@ -322,6 +324,16 @@ static void begin_trial(Integrator *I, long before, double paid) {
     C->trial = TRIAL;
     C->trial_work = I->work;
     C->trial_t = I->t;
+}
+
+/* Slips that begin slowly have directions that decay many times in a step, of which Gauss leaves nearly all: so Radau goes on after a step of size h, until Gauss leaves little. */
+static void let_settle(Integrator *I, double h) {
+    struct State *T = I->state;
+    double decay = 0, s = (double)I->method_list[0].stages;
+    for (long i = 0; i < I->nx; i++) decay -= fmin(entry(I, i, i), 0);
+    if (h * decay > s * (s + 1)) return;
+    T->settling = 0;
+    if (I->method) turn_to_newton(I, 0, I->h);
 }
 
 /* The size of steps that accuracy would allow after one of size h, from how fast the first `count` Legendre coefficients of the rates decay. Later ones are
