@@ -38,6 +38,19 @@ typedef struct {
     double *size, *side;
 } Inside;
 
+#define ASTRAY_AT_END 10 /* errors of a step */
+
+/* Whether refined rates lead to where the step has ended, which they are to make no better: what decays too fast for the iteration, as directions of slips do, may lead it to anything. */
+static int ends_there(const Integrator *I, const Stages *F, const Inside *step) {
+    double most = 0;
+    for (long i = 0; i < I->nx; i++) {
+        V parts[BLOCKS];
+        for (long b = 0; b < F->blocks; b++) parts[b] = F->b[b] * F->counted[b] * F->K[b][i];
+        most = fmax(most, fabs(sum_of_blocks(parts, F->blocks) - step->a[i * step->width]) * I->state->factor[i]);
+    }
+    return most <= ASTRAY_AT_END;
+}
+
 /* Legendre coefficients (nx, blocks * LANES of `fine`) of the refined rates of a step. Returns 0 when the input function failed. */
 static int refine(Integrator *I, Stages *F, const Inside *step) {
     struct State *T = I->state;
@@ -70,7 +83,7 @@ static int refine(Integrator *I, Stages *F, const Inside *step) {
     for (long b = 0; b < F->blocks; b++) memcpy(F->saved[b], F->K[b], sizeof(V) * (size_t)I->nx);
     forget_surroundings(I, F);
     Judge J = new_judge(I->step > 0 ? 0.0 : 0.01, 4 * EPS / T->unit, 30);
-    int done = fixed_point(I, F, h, x, &J);
+    int done = fixed_point(I, F, h, x, &J) && ends_there(I, F, step);
     for (int again = 0; again < 2 && !done; again++) {
         for (long b = 0; b < F->blocks; b++) memcpy(F->K[b], F->saved[b], sizeof(V) * (size_t)I->nx);
         if (again) break;
@@ -80,7 +93,7 @@ static int refine(Integrator *I, Stages *F, const Inside *step) {
         set_factor(I, h);
         J = new_judge(J.tolerance, J.floor, J.limit);
         F->looked = 0;
-        done = fixed_point(I, F, h, x, &J) && has_settled(I, F);
+        done = fixed_point(I, F, h, x, &J) && ends_there(I, F, step) && has_settled(I, F);
     }
     T->newton_now = newton;
     T->noisy = noisy;

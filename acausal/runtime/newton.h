@@ -301,7 +301,7 @@ static double missed_as_fast(Integrator *I, const Stages *S, double h) {
     struct State *T = I->state;
     double *left = T->most, *kept = T->before;
     long n = I->nx, s = S->s, width = S->blocks * LANES;
-    if (s < 3 || slips_turn(I) || !T->newton_now || S->method->kind != GAUSS || S->around || T->factored_h != h || T->factored_method != I->method) return 0;
+    if (s < 3 || !T->newton_now || S->method->kind != GAUSS || S->around || T->factored_h != h || T->factored_method != I->method) return 0;
     for (long i = 0; i < n; i++) T->before[i] = I->x[i] + T->increment[i];
     if (!T->end_known && !rate_at(I, I->t + h, T->before, T->end_rate)) return 0; /* told when ends are looked at */
     T->end_known = 1;
