@@ -10,9 +10,11 @@ from typing import Any
 import numpy as np
 import pytest
 from scipy.interpolate import CubicSpline
+from scipy.optimize import brentq
 
 import acausal as ac
 from acausal import errors
+from acausal.collocation.problem import StatusKind
 from acausal.errors import ParameterError
 from components import (
     AngleSource,
@@ -289,21 +291,70 @@ def test_exported_motions_are_where_inputs_are_set_and_go_on_with_their_rates(ki
         assert instance.advance(0.1) == OPEN_START and "inputs that prescribe places" in instance.words()
 
 
+JOINTS = np.array([(0, 0, 0), (0.3, 0, 0.4), (0.5, 0, 1.1), (0.7, 0, 0.4), (1, 0, 0)])
+
+
+def five_bars(*sizes: float) -> Any:
+    """Linkages of five bars in one scene, both cranks of each led by inputs from where it is drawn."""
+    scene: Any = ac.System()
+    scene.world, scene.mass = World(UP), ac.Parameter(1.0, "kg")
+    scene.courses = [[ac.Input("rad"), ac.Input("rad")] for _ in sizes]
+    scene.linkages = [ac.System() for _ in sizes]
+    for linkage, size, courses in zip(scene.linkages, sizes, scene.courses, strict=True):
+        at = size * JOINTS
+        linkage.bars = [RigidBody.rod(scene.mass * 1.0, tuple(b - a), position=tuple(a)) for a, b in itertools.pairwise(at)]
+        parts = [scene.world, *linkage.bars, scene.world]
+        linkage.hinges = [Revolute.between(a, b, at=tuple(p), axis="y") for a, b, p in zip(parts, parts[1:], at, strict=False)]
+        linkage.drives = [AngleSource(course) for course in courses]
+        linkage.connect(linkage.drives[0].flange, linkage.hinges[0].flange)
+        linkage.connect(linkage.drives[1].flange, linkage.hinges[4].flange)
+    return scene
+
+
+def reach(angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of unit size: the end of the first crank, and from there to that of the other, turned by angles about y from where they are drawn, one and minus the other."""
+    cos, sin = np.cos(angles), np.sin(angles * [1, -1])
+    ways = (JOINTS[[1, 3]] - JOINTS[[0, 4]])[:, ::2]
+    ends = JOINTS[[0, 4]][:, ::2] + np.stack([cos * ways[:, 0] + sin * ways[:, 1], cos * ways[:, 1] - sin * ways[:, 0]], axis=1)
+    return ends[0], ends[1] - ends[0]
+
+
+def knee(angles: np.ndarray) -> np.ndarray:
+    """Where the two equal links between the cranks meet."""
+    end, way = reach(angles)
+    return end + way / 2 + np.sqrt(0.53 / (way @ way) - 0.25) * np.array([-way[1], way[0]])
+
+
+@pytest.mark.parametrize("sizes", [(1.0,), (1e-3, 1.0), (1e3, 1.0), (1.0, 1e-3, 1e3)])
+def test_what_is_led_rests_where_inputs_do_beside_what_they_move(sizes: tuple[float, ...]) -> None:
+    """At rest with all states zero nothing is torn, whatever rounding of loads makes of them."""
+    scene = five_bars(*sizes)
+    model, courses = ac.build(scene), itertools.chain(*scene.courses[1:])
+    moved: dict[Any, Any] = {course: lambda t, k=k: 0.3 * np.sin((1 + k) * t) for k, course in enumerate(courses)}
+    run = model.simulate(0.5, inputs=moved)
+    for size, courses, linkage in zip(sizes, scene.courses, scene.linkages, strict=True):
+        places = run[linkage.hinges[2].frame_a.position][:, ::2] / size
+        for t, place in zip(run.t, places, strict=True):
+            assert place == pytest.approx(knee(np.array([moved.get(course, lambda _: 0.0)(t) for course in courses])), abs=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_what_is_led_out_of_reach_ends_there_wherever_steps_land(size: float) -> None:
+    scene = five_bars(size)
+    model, stretched = ac.build(scene), brentq(lambda t: np.linalg.norm(reach(np.array([-t, -t]))[1]) - 2 * np.sqrt(0.53), 0, 1.5)
+    for rtol, speed in itertools.product(np.geomspace(1e-4, 1e-11, 15), (1.0, 1.3)):
+        turned = (lambda t, v=speed: -v * t, lambda t, v=speed: -v, lambda t: 0.0)
+        run = model.simulate(1.5, inputs=dict.fromkeys(scene.courses[0], turned), rtol=rtol, raise_on_failure=False)
+        assert run.status.kind is not StatusKind.SUCCESS and speed * run.t[-1] == pytest.approx(stretched, abs=1e-2)
+
+
 @pytest.mark.parametrize("size", [1e-3, 1e3])
 def test_in_whatever_order_numbers_are_set_the_motion_goes_on_alike(size: float, tmp_path: Path) -> None:
     """Two cranks of a linkage of five bars jump and go on, one mass changes: the same bits, and the angles that were set."""
-    scene: Any = ac.System()
-    scene.world, scene.mass, scene.courses = World(UP), ac.Parameter(1.0, "kg"), [ac.Input("rad"), ac.Input("rad")]
-    at = size * np.array([(0, 0, 0), (0.3, 0, 0.4), (0.5, 0, 1.1), (0.7, 0, 0.4), (1, 0, 0)])
-    scene.bars = [RigidBody.rod(scene.mass * 1.0, tuple(b - a), position=tuple(a)) for a, b in itertools.pairwise(at)]
-    parts = [scene.world, *scene.bars, scene.world]
-    scene.hinges = [Revolute.between(a, b, at=tuple(p), axis="y") for a, b, p in zip(parts, parts[1:], at, strict=False)]
-    scene.drives = [AngleSource(course) for course in scene.courses]
-    scene.connect(scene.drives[0].flange, scene.hinges[0].flange)
-    scene.connect(scene.drives[1].flange, scene.hinges[4].flange)
+    scene: Any = five_bars(size)
     library, rng = Library(ac.build(scene).export_simulator(tmp_path / "set")), np.random.default_rng(0)
     names = library.names(INPUT)
-    rates = [names.index(f"der(drives[{k}].angle)") for k in (0, 1)]
+    rates = [names.index(f"der(linkages[0].drives[{k}].angle)") for k in (0, 1)]
     for _ in range(4):
         angles, seen = rng.uniform(-0.4, 0.4, 2), set[bytes]()
         sets = [(PARAMETER, 0, 1.5), (INPUT, 0, angles[0]), (INPUT, 1, angles[1]), (INPUT, rates[0], 0.3), (INPUT, rates[1], 0.2)]

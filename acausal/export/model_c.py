@@ -73,6 +73,8 @@ def model_c(
     shown = [f.outputs.resolve(e) for e in outputs.values()]
     wanted = [*integrand.wanted, integrand.jvp]
     paired = [*integrand.exact, Wanted("disturbed_rhs", plain(integrand.rates), (3,))]
+    if integrand.numbers["led"] == 2:
+        paired.append(Wanted("disturbed_projection", plain(integrand.correction.function), (3,)))
     guards = guards_of(f, events)
     if guards is not None:
         wanted.append(guard := integrand.guard(guards.function))

@@ -40,7 +40,7 @@ static int make_rest(Integrator *I, long most) {
     int made = make_last_step(I, most) || I->counted;
     for (I->method = 0; I->method < I->methods; I->method++) made = made && stages_of(I);
     I->method = method;
-    for (int which = 0; which < 2; which++) made = made && (!(which ? &I->disturbed_guard : &I->disturbed_rhs)->program || disturbed_kernel(I, which) || I->counted);
+    for (int which = 0; which < EXACT_PROGRAMS; which++) made = made && (!disturbed_one(I, which)->program || disturbed_kernel(I, which) || I->counted);
     return made && (I->newton != WHERE_SLOW || make_krylov(I) || I->counted) && (I->newton == NEVER || make_newton(I)) && (!I->fine || fine_stages(I, I->fine));
 }
 

@@ -124,6 +124,7 @@ KERNELS = (
     "exact_projection",
     "disturbed_rhs",
     "disturbed_guard",
+    "disturbed_projection",
     "rhs_program",
     "rows_program",
     "projection_program",

@@ -166,6 +166,12 @@ class Integrand:
         return tuple(found)
 
     @property
+    def correction(self) -> Wanted:
+        """(t, x, u, p) -> x after projection, alone."""
+        assert self.invariants_and_projection is not None
+        return Wanted("correction", self.invariants_and_projection[1], (3,))
+
+    @property
     def lists(self) -> dict[str, tuple[int, ...]]:
         """Of `Integrator` in runtime.h: what follows others at once, and what is set."""
         found = None if self.modes is None else self.modes.set

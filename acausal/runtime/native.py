@@ -57,9 +57,10 @@ from acausal.runtime.load import Runtime, runtime
 _Double, _Long = ctypes.POINTER(ctypes.c_double), ctypes.POINTER(ctypes.c_long)
 _SLICE = 0.05
 _LACKING = (
-    "disturbed_rhs", "disturbed_guard", "exact_rhs", "exact_projection", "rhs_program", "rows_program", "projection_program", "jvp_program",
+    "disturbed_rhs", "disturbed_guard", "disturbed_projection", "exact_rhs", "exact_projection",
+    "rhs_program", "rows_program", "projection_program", "jvp_program",
 )  # fmt: skip
-_PROGRAMS = 4
+_PROGRAMS = 5
 """See `lacking` in runtime.h."""
 _INSTANT = 16 * float(np.finfo(float).eps)
 """Of a time: steps that are no longer are jumps."""
@@ -513,14 +514,14 @@ class Run:
         return 1
 
     def _lacking(self, which: int) -> int:
-        """A program that is made when it is first needed: of the rates (0) or guards (1) to show what rounding does, of exact rates (2) or projection (3); of
-        rates (4), rows (5), projection (6), Jacobian (7) where these are compiled."""
+        """A program that is made when it is first needed: of the rates (0), guards (1) or projection (2) to show what rounding does, of exact rates (3) or
+        projection (4); of rates (5), rows (6), projection (7), Jacobian (8) where these are compiled."""
         integrand = self.native.integrand
         try:
             if which < _PROGRAMS:
                 wanted = (
-                    integrand.wanted[0] if which == 0 else integrand.guard(self._guard_function) if which == 1
-                    else integrand.exact_rates if which == 2 else integrand.exact_projection
+                    integrand.wanted[0] if which == 0 else integrand.guard(self._guard_function) if which == 1 else integrand.correction if which == 2
+                    else integrand.exact_rates if which == 3 else integrand.exact_projection
                 )  # fmt: skip
                 assert wanted is not None
                 made = self.native.paired(wanted)

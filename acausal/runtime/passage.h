@@ -80,7 +80,7 @@ static void run_exact(Integrator *I, int which, const V *in, V *out) {
     struct State *T = I->state;
     const Kernel *k = which ? &I->exact_projection : &I->exact_rhs;
     if (!T->exact_c[which]) {
-        if (!present(k) && I->lacking) I->lacking(2 + which);
+        if (!present(k) && I->lacking) I->lacking(EXACT_PROGRAMS + which);
         if (!present(k) || !prepared(I, k, which ? T->projection_in : T->point_in, &T->exact_c[which])) {
             for (long i = 0; i < I->nx; i++) out[i] = v_all(NAN);
             return;

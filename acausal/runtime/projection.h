@@ -44,28 +44,23 @@ static int project(Integrator *I, double t, double *x) {
     return changed;
 }
 
-#define PLAINLY 1e3 /* times what rounding of states makes of it, a correction that is none of it */
+#define PLAINLY 1e3 /* times rounding, a correction that is none of it */
 
-/* Whether what is left to correct of x at time t is more than rounding: something is torn. */
+/* Whether what is left to correct of places at time t is more than rounding: something is torn. */
 static int is_torn(Integrator *I, double t, const double *x) {
     struct State *T = I->state;
     V *in = T->projection_in, *out = T->projection_out;
-    if (!(T->open > TORN)) return 0;
-    double *left = T->before, *noise = T->most;
-    for (long i = 0; i < I->nx; i++) noise[i] = 0;
+    const Kernel *disturbed = T->open > TORN ? disturbed_kernel(I, 2) : 0;
+    double *size = T->before, *noise = T->most;
+    if (!disturbed) return 0;
     in[0] = v_all(t);
-    for (long from = 0; from < COUNTED; from += LANES) {
-        for (long i = 0; i < I->nx; i++)
-            for (long l = 0; l < LANES; l++)
-                in[1 + i][l] = x[i] + (from + l > 0 ? EPS * fmax(T->size[i], fabs(x[i])) * ((double)(drawn((from + l) * I->nx + i) >> 29) / 2 - 1.75) : 0);
-        run_masked(I, OF_PROJECTION, in, T->projection_c, out);
-        for (long i = 0; i < I->nx; i++) {
-            if (from == 0) left[i] = out[i][0] - x[i];
-            for (long l = 0; l < LANES; l++) noise[i] = fmax(noise[i], fabs(out[i][l] - in[1 + i][l] - left[i]));
-        }
-    }
-    for (long i = 0; i < I->nx; i++)
-        if (!(fabs(left[i]) <= fmax(TORN * fmax(T->size[i], fabs(x[i])), PLAINLY * noise[i]))) return 1;
+    for (long i = 0; i < I->nx; i++) in[1 + i] = v_all(x[i]), size[i] = fmax(T->size[i], fabs(x[i]));
+    run_masked(I, OF_PROJECTION, in, T->projection_c, out);
+    Pair *paired = (Pair *)(void *)T->pair_in;
+    for (long i = 1 + I->nx; i < disturbed->inputs; i++) paired[i] = same_pair(in[i]);
+    disturb(I, disturbed, t, x, size, ENLARGED, noise);
+    for (long i = 0; i < I->positions; i++)
+        if (!(fabs(out[i][0] - x[i]) <= fmax(TORN * size[i], PLAINLY * noise[i]))) return 1;
     return 0;
 }
 

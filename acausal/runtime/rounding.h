@@ -92,9 +92,11 @@ static int make_pairs(Integrator *I, const Kernel *k) {
     return I->counted ? make_forgetting(I) : all;
 }
 
-/* The program of the rates (0) or guards (1) for which pairs have room; null where there is none. */
+static Kernel *disturbed_one(Integrator *I, int which) { return which == 0 ? &I->disturbed_rhs : which == 1 ? &I->disturbed_guard : &I->disturbed_projection; }
+
+/* The program of the rates (0), guards (1) or projection (2) for which pairs have room; null where there is none. */
 static const Kernel *disturbed_kernel(Integrator *I, int which) {
-    Kernel *k = which ? &I->disturbed_guard : &I->disturbed_rhs;
+    Kernel *k = disturbed_one(I, which);
     if (!k->program && !(I->lacking && I->lacking(which))) return 0;
     return k->program && make_pairs(I, k) ? k : 0;
 }

@@ -50,7 +50,7 @@ typedef struct {
 } Pattern;
 
 enum Kind { GAUSS, RADAU };
-enum { PROGRAMS = 4 }; /* see `lacking` */
+enum { EXACT_PROGRAMS = 3, PROGRAMS = 5 }; /* see `lacking` */
 enum Newton { NEVER, WHERE_SLOW, ALWAYS };
 enum Code {
     REACHED_END,
@@ -108,9 +108,9 @@ typedef struct Integrator {
     Kernel set;         /* t, x, u, p -> discrete values at the start, then new values of all targets that are set, see sets.h */
     Kernel set_change;  /* t, x, u, p, dt, dx, du, dp -> changes of that */
     Kernel exact_rhs, exact_projection; /* the same as programs for twofold.h, for states near such positions; none where that is not needed */
-    Kernel disturbed_rhs, disturbed_guard; /* the same as programs for rounding.h */
+    Kernel disturbed_rhs, disturbed_guard, disturbed_projection; /* the same as programs for rounding.h */
     Kernel rhs_program, rows_program, projection_program, jvp_program; /* the same as programs, for thin.h, where the kernels are compiled */
-    /* Makes one of these where it is none: disturbed rates (0), guards (1), exact rates (2), projection (3); programs from PROGRAMS on. Null: it stays unknown what rounding does */
+    /* Makes one of these where it is none: disturbed rates (0), guards (1), projection (2); exact rates and projection from EXACT_PROGRAMS on, programs from PROGRAMS on. Null: it stays unknown what rounding does */
     int (*lacking)(long which);
     /* The last `held` of the nu inputs are sides of switches, kept by the runtime; row r is one of switch row_switch[r], which goes over to
        row_factor[r] times its side + row_plus[r] */
