@@ -305,6 +305,23 @@ def test_drawn_circuits_conduct_one_way_without_voltage_in_any_order(seed: int) 
     np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-7)
 
 
+@pytest.mark.parametrize(("V", "R", "T"), [(1e-3, 1e5, 1e-6), (1.0, 1.0, 1.0), (1e4, 1e-2, 1e2)])
+def test_what_decays_through_a_valve_comes_to_no_zero_at_any_tolerance(V: float, R: float, T: float) -> None:
+    """A capacitor is discharged beside something slow: steps become longer than it takes, and the inside of a step is known to the tolerance only."""
+    scene: Any = ac.System()
+    scene.ground, scene.store, scene.valve = Ground(), Capacitor(T / R), IdealDiode(resistance=R)
+    scene.mains, scene.load, scene.coil = VoltageSource(V * np.sin(0.05 * ac.time / T)), Resistor(20 * R), Inductor(400 * R * T)
+    scene.connect(scene.store.pin_a, scene.valve.pin_a)
+    scene.connect(scene.store.pin_b, scene.valve.pin_b, scene.ground.pin, scene.mains.pin_b, scene.coil.pin_b)
+    scene.connect(scene.mains.pin_a, scene.load.pin_a)
+    scene.connect(scene.load.pin_b, scene.coil.pin_a)
+    model = ac.build(scene)
+    for rtol in np.geomspace(1e-4, 1e-12, 16):
+        run = model.simulate(300 * T, {scene.store.v: V, scene.coil.i: 0.0}, rtol=rtol, samples=61)
+        np.testing.assert_allclose(run[scene.store.v].ravel(), V * np.exp(-run.t / T), rtol=0, atol=30 * rtol * V)
+        assert run.statistics.steps < 60
+
+
 def test_parameters_may_change_after_the_build() -> None:
     L, R = ac.Parameter(0.05, "H"), ac.Parameter(2.0, "Ohm")
     scene = circuit(L, R, 100.0, free=True)

@@ -794,7 +794,7 @@ struct Landing {
     long row, tries, total; /* of the switch, -1: none is known; tries to meet it, places tried */
     int over, coarse, others_coarse, dips; /* whether it goes over at the end of the step; whether it, and others, were looked for only as well as the inside of a step was known; whether it does so
         where the step begins, and has come back at its end */
-    double planned, slope;  /* size of the step without it; slope of the row [1/s] */
+    double planned, slope, off; /* size of the step without it; slope of the row [1/s]; the part of the step that the last try was off by */
 };
 static double landing(Integrator *I, const Stages *S, double h, struct Landing *L);
 static enum Code go_over(Integrator *I, const struct Landing *L);

@@ -12,6 +12,7 @@
 #define LANDINGS 8    /* tries to end a step where a switch goes over */
 #define KEPT 1e-12    /* of their sizes: corrections of states that obey their equations */
 #define BACK 1e-3     /* of a step: how far before its end a row's slope is taken from */
+#define STAYS_OFF 0.5  /* times as near to the end, or a row comes to no zero there: what decays is cut by the inside of a step and not by its end */
 #define NEAR_END 0.75   /* of a step: ends that lie before that are looked for again, since the inside of a shorter step is known better */
 #define FAR_END 0.25
 #define MOST 30       /* places in a step tried; then it becomes shorter until none is left */
@@ -722,7 +723,9 @@ static double next_landing(Path *p, struct Landing *L) {
     if (fabs(value) <= noise || fabs(theta - 1) * p->h <= edge || (!I->directions && slope < 0 && fabs(theta - 1) <= HOP)) return 1;
     if (L->coarse) return 2;
     int sets = L->row >= first_set(I) && L->row < I->mode_rows; /* that is at rest where rounding is all that is left of it, and not a place to look at again */
-    if (slope < 0 && theta > (sets ? FAR_END : NEAR_END) && theta < 1.5 && ++L->tries <= LANDINGS) return theta;
+    int decays = value > 0 && L->tries > 0 && theta - 1 > STAYS_OFF * fabs(L->off);
+    L->off = theta - 1;
+    if (slope < 0 && theta > (sets ? FAR_END : NEAR_END) && theta < 1.5 && !decays && ++L->tries <= LANDINGS) return theta;
     return value < 0 && L->tries > LANDINGS ? 1 : 2;
 }
 
