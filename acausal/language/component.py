@@ -233,9 +233,12 @@ class System(Component):
     namesakes: ClassVar[tuple[str, ...]] = ()
     """Attributes of which the first that holds a part gives it the system's own name: what it is one way to say."""
 
-    def connect(self, a: Connector, b: Connector, *more: Connector) -> None:
-        """Join two or more connectors. Raises `IncompatibleError` for kinds that do not fit, `DuplicateError` when repeated."""
-        for other in (b, *more):
+    def connect(self, *connectors: Connector) -> None:
+        """Join two or more connectors. Raises `IncompatibleError` for kinds that do not fit or fewer, `DuplicateError` when repeated."""
+        if len(connectors) < 2:
+            raise IncompatibleError(f"connect joins two connectors or more, and is given {len(connectors)} ({origin()}).")
+        a, *others = connectors
+        for other in others:
             check_compatible(a, other)
             if any({id(a), id(other)} == {id(old.a), id(old.b)} for old in self.connections()):
                 raise DuplicateError(f"{a!r} and {other!r} are already connected ({origin()}). Remove one of the two calls.")

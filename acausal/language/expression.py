@@ -290,7 +290,10 @@ def _text(given: str, what: str) -> str:
 
 
 class Symbol(Expression):
-    """A declared quantity with a unit. Two symbols are the same only if they are the same object."""
+    """A declared quantity. Two symbols are the same only if they are the same object.
+
+    `unit`: shown wherever its values are, as a text; nothing is converted by it, or checked, and "kgg" is a unit like any other.
+    """
 
     kind: ClassVar[str] = "symbol"
 

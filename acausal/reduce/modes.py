@@ -340,9 +340,14 @@ def _living(rows: Sequence[ModeRow], valves: Sequence[ModeRow], motion: Motion) 
         first += row.size
         worst = min((np.min(found[own]) for found in places), default=0.0)
         moves = size[own] > _NEVER * np.max(size[own]) if np.max(size[own]) > 0 else np.zeros(row.size, dtype=bool)
+        if row.one_sided and not moves.any() and not worst < 0:
+            hint = "Both its ends may be on one body, or on what other parts hold or move as prescribed: let one of them be free, or leave it out."
+            raise ModelError(
+                f"The reaction of {row.part.where} moves nothing that it holds. {row.part.component.if_undecided or hint}"
+            )
         if worst < -_NEVER * np.max(size[own]) or (row.one_sided and not moves.any()):
             raise ModelError(
-                f"{row.part.where} holds what its reaction does not move, or drives it the wrong way ({worst:.3g} per unit of the reaction, not positive). "
+                f"The reaction of {row.part.where} drives what it holds the wrong way ({worst:.3g} per unit of the reaction, not positive). "
                 "The reaction must push towards a larger gap, or along the slip."
             )
         if not moves.any() and _slips(row, motion):

@@ -15,12 +15,14 @@ from components import (
     Gear,
     Ground,
     Gyro,
+    IdealDiode,
     Inertia,
     Integrator,
     NonlinearDamper,
     NonlinearSpring,
     Particle,
     PlanetaryGear,
+    PointOnPlane,
     PrescribedMotion,
     Prismatic,
     RackAndPinion,
@@ -301,6 +303,7 @@ CASES = [
     Wrong("connector of a class", class_s_connector, errors.IncompatibleError, ("belongs to a class", "instance")),
     Wrong("class in place of a scene", lambda: ac.build(Pendulum), errors.ModelError, ("the class Pendulum", "build(Pendulum())")),
     Wrong("nothing in place of a scene", lambda: ac.build(None), errors.ModelError, ("None", "ac.System()")),
+    Wrong("one connector", lambda: Pendulum().connect(Particle(1.0).point), errors.IncompatibleError, ("two connectors or more", "given 1", HERE)),
     Wrong("list in place of a connector", lambda: Pendulum().connect([1], [2]), errors.IncompatibleError, ("takes connectors", "[1]")),
 ]  # fmt: skip
 
@@ -348,6 +351,29 @@ def test_circuits_that_leave_something_open_are_told_what():
         ac.build(ring(0))
     with pytest.raises(errors.UnderdeterminedError, match=r"grounds.*Grounds, side by side.*keep one"):
         ac.build(ring(2))
+
+
+@pytest.mark.parametrize("valves", [1, 2])
+def test_what_holds_nothing_that_moves_is_told_so(valves: int):
+    scene = ac.System()
+    scene.world, scene.body, scene.foot = World(), RigidBody.ball(1.0, 0.1), PointOnPlane(unilateral=True)
+    scene.connect(scene.foot.frame_a, scene.body.frame)
+    scene.connect(scene.foot.frame_b, scene.body.frame)
+    with pytest.raises(errors.ModelError, match=rf"foot \(.*{HERE}.*Both its ends may be on one body"):
+        ac.build(scene)
+    circuit = ac.System()
+    circuit.source, circuit.ground, circuit.diodes = (
+        VoltageSource(np.sin(ac.time)),
+        Ground(),
+        [IdealDiode() for _ in range(valves)],
+    )
+    for diode in circuit.diodes:
+        circuit.connect(circuit.source.pin_a, diode.pin_a)
+        circuit.connect(
+            diode.pin_b, *([circuit.source.pin_b, circuit.ground.pin] if diode is circuit.diodes[0] else [circuit.ground.pin])
+        )
+    with pytest.raises(errors.ModelError, match=rf"diodes\[0\] \(.*{HERE}.*small resistance"):
+        ac.build(circuit)
 
 
 def test_springs_without_inertia_are_told_what_is_missing():
