@@ -231,7 +231,7 @@ class System(Component):
 
     if_given_arguments = "Assign parts by name: scene.world = World(), scene.rod = RigidBody.rod(...)."
     namesakes: ClassVar[tuple[str, ...]] = ()
-    """Attributes of which the first that holds a part gives it the system's own name: what it is one way to say."""
+    """Attributes whose parts have the system's own name: what it is one way to say."""
 
     def connect(self, *connectors: Connector) -> None:
         """Join two or more connectors. Raises `IncompatibleError` for kinds that do not fit or fewer, `DuplicateError` when repeated."""

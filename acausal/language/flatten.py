@@ -265,7 +265,7 @@ def flatten(scene: System) -> FlatSystem:
             parts.append(part)
             continue
         systems[path] = component
-        namesake = next((part for name in component.namesakes if isinstance(part := vars(component).get(name), Component)), None)
+        namesakes = {id(part) for name in component.namesakes if isinstance(part := vars(component).get(name), Component)}
         for name, child in component.parts():
             if id(child) in owners:
                 first = f"as '{owners[id(child)]}'" if owners[id(child)] else "as the scene itself"
@@ -273,7 +273,7 @@ def flatten(scene: System) -> FlatSystem:
                     f"The same {child!r} stands in the scene twice, {first} and as '{prefix + name}'. Make two parts."
                 )
             owners[id(child)] = prefix + name
-            queue.append((path if child is namesake else prefix + name, child))
+            queue.append((path if id(child) in namesakes else prefix + name, child))
     for path, system in systems.items():
         _check_attributes(system, path + "." if path else "", owners)
     _name_hidden_symbols(parts, names)
