@@ -305,6 +305,17 @@ def test_drawn_circuits_conduct_one_way_without_voltage_in_any_order(seed: int) 
     np.testing.assert_allclose(ends[0], ends[1], rtol=0, atol=1e-7)
 
 
+@pytest.mark.parametrize(("seed", "tolerances"), [(63, np.geomspace(1e-6, 1e-10, 15)), (550, np.geomspace(1e-9, 1e-12, 60))])
+def test_drawn_circuits_run_at_any_tolerance(seed: int, tolerances: np.ndarray) -> None:
+    """Steps end anywhere: also right before a valve changes, and in the middle of what decays."""
+    scene, parts, T, V = drawn(seed, None)
+    model = ac.build(scene)
+    for rtol in tolerances:
+        run = model.simulate(2 * T, rtol=rtol, samples=20)
+        check_diodes(run, parts, V, known=1e-10)
+        assert run.statistics.steps < 120
+
+
 @pytest.mark.parametrize(("V", "R", "T"), [(1e-3, 1e5, 1e-6), (1.0, 1.0, 1.0), (1e4, 1e-2, 1e2)])
 def test_what_decays_through_a_valve_comes_to_no_zero_at_any_tolerance(V: float, R: float, T: float) -> None:
     """A capacitor is discharged beside something slow: steps become longer than it takes, and the inside of a step is known to the tolerance only."""

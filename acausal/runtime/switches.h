@@ -759,7 +759,8 @@ static double landing(Integrator *I, const Stages *S, double h, struct Landing *
             return DIPS;
         }
         if (++L->total > MOST) return 0.5 * to;
-        if (to * h <= at_once(I)) to = 0;
+        int at_begin = to <= INSTANT && L->slope < 0 && I->steps > 0 && T->changed_at != I->t && !I->directions; /* a step that ends there would know nothing but rounding */
+        if (to * h <= at_once(I) || at_begin) to = 0;
     }
     L->over = to == 1;
     return to;
