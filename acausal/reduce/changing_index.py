@@ -21,6 +21,7 @@ from acausal.errors import ModelError
 from acausal.language.expression import Mode
 from acausal.numerics.staged import Systems
 from acausal.numerics.terms import rounded
+from acausal.numerics.vanishing import vanish
 from acausal.reduce.motion import Motion
 
 
@@ -63,7 +64,7 @@ class Valves:
         """Raises `ModelError` for what is not linear in reactions."""
         y, v = ca.vertcat(ca.SX(0, 1), *(row.moved for row in rows)), len(rows)
         rate, none = motion.rate(y), ca.SX.zeros(reactions.numel())
-        M, K = ca.jacobian(y, reactions), ca.jacobian(rate, reactions)
+        M, K = (_without_nothing(ca.jacobian(value, reactions)) for value in (y, rate))
         if ca.depends_on(ca.veccat(M, K), reactions):
             raise ModelError(
                 f"What {rows[0].part.where} and others hold back is not linear in their reactions, or changes with what moves."
@@ -148,6 +149,12 @@ def valves_among(rows: Sequence[ModeRow]) -> list[ModeRow]:
     reactions = ca.vertcat(ca.SX(0, 1), *(reaction.sx for row in rows for reaction in row.reactions))
     turned = any(row.turned for row in rows)
     return [row for row in rows if row.one_way and (ca.depends_on(row.moved, reactions) or (turned and row.turns))]
+
+
+def _without_nothing(A: ca.SX) -> ca.SX:
+    """Without the entries that are zero whatever their symbols are: what rounding makes of these were taken for what decides."""
+    found = [ca.SX(0) if vanish(entry) else entry for entry in A.nonzeros()]
+    return ca.SX(A.sparsity(), ca.vertcat(ca.SX(0, 1), *found))
 
 
 def _matrix(n: int, name: str) -> tuple[Mode, ...]:
