@@ -25,6 +25,7 @@ from components import (
     Force,
     Hard,
     HeightField,
+    Helix,
     ImplicitSurface,
     ParametricCurve,
     ParametricSurface,
@@ -562,6 +563,9 @@ def test_a_string_between_two_particles_tightens_and_slackens_by_its_restitution
         (lambda: PointOnPlane(restitution=0.5), "nothing strikes"),
         (lambda: PointOnCurve(Circle(1.0), friction=0.3), "Give Coulomb"),
         (lambda: PointOnSurface(Circle(1.0), unilateral=True), "surface is"),
+        (lambda: PointOnCurve(Circle(1e-3), unilateral=True), r"along `side`, \(0.0, 1.0, 0.0\)"),
+        (lambda: PointOnCurve(Circle(1e3), unilateral=True, side=(3, 1, 0)), "across the curve all along"),
+        (lambda: PointOnCurve(Helix(1.0, 0.0), unilateral=True), "across the curve all along"),
         (lambda: Rope(1.0, restitution=2.0), "Rope's restitution is 2"),
         (lambda: Rope(-1.0), "Rope's length is -1"),
     ],
@@ -570,6 +574,22 @@ def test_what_cannot_be_is_refused_with_the_line(make: Callable[[], object], wor
     with pytest.raises(ac.errors.ParameterError, match=rf"{words}.*") as refused:
         make()
     assert "test_hard_contacts.py:" in str(refused.value)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1.0, 1e3])
+def test_a_track_that_runs_along_its_side_where_a_loop_is_looked_at_is_looked_at_beside(size: float) -> None:
+    """A follower on a rail over a circle that turns, held across by mistake: closing it to rounding ends where the circle runs along its side."""
+    scene = ac.System()
+    scene.world, scene.rail, scene.mass, scene.radius = World(), Prismatic("z"), Particle(0.2), ac.Parameter(size, "m")
+    scene.cam, scene.face = (
+        PrescribedMotion(angle=lambda t: 40.0 * t, axis="y"),
+        PointOnCurve(Circle(scene.radius), unilateral=True),
+    )
+    scene.connect(scene.world.frame, scene.rail.frame_a, scene.cam.frame_a)
+    scene.connect(scene.rail.frame_b, scene.mass.point, scene.face.frame_b)
+    scene.connect(scene.cam.frame_b, scene.face.frame_a)
+    with pytest.raises(ac.errors.AcausalError, match=r"'rail'|'face'"):
+        ac.build(scene).simulate(0.1)
 
 
 def test_a_start_inside_of_what_is_hard_is_refused_by_part_and_line() -> None:

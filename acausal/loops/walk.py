@@ -339,10 +339,14 @@ class Walk:
         return z - other - turns * np.round((z - other) / np.where(turns > 0, turns, np.inf))
 
     def polished(self, z: np.ndarray) -> np.ndarray:
-        """A closed configuration, closed to rounding."""
+        """A closed configuration, closed to rounding; beside one where a part has no meaning."""
+        c, J = self.closing(z)
         for _ in range(2):
-            c, J = self.closing(z)
-            z = z - inverse(J, self.dependent, rank_of(J, self.rank))(c)
+            closer = z - inverse(J, self.dependent, rank_of(J, self.rank))(c)
+            c, J = self.closing(closer)
+            if not (np.isfinite(c).all() and np.isfinite(J).all()):
+                break
+            z = closer
         return z
 
     def _step(self, here: np.ndarray, ahead: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray] | None:

@@ -8,7 +8,10 @@ from typing import Any, ClassVar, final
 import casadi as ca
 import numpy as np
 
+from acausal.arguments import shown
+from acausal.errors import ParameterError
 from acausal.language.expression import Expression, Variable, sx, time
+from acausal.language.origin import origin
 from acausal.parts.contact import read
 from acausal.parts.joint import AbstractJoint
 from acausal.parts.pose import Pose
@@ -128,6 +131,11 @@ class PointOverCurve(AbstractPointOver):
 
     def __init__(self, curve: AbstractCurve, side: Axis = "y") -> None:
         self.curve, self.side = checked_curve(curve, "PointOverCurve"), axis_vector(side, "PointOverCurve's side")
+        if isinstance(self.side, np.ndarray) and _runs_along(self.curve, self.side):
+            raise ParameterError(
+                f"The curve that a point stays on one side of runs along `side`, {shown(tuple(self.side.tolist()))} ({origin()}): nothing is across both there. Give a side that is "
+                "across the curve all along, of a curve in one plane that plane's normal: side='z' for a Circle, '-z' for its other side."
+            )
         self.socket = Spherical()
 
     def pose(self, q: ca.SX, t: ca.SX) -> Pose:
@@ -174,3 +182,27 @@ class PointOverCurve(AbstractPointOver):
         bend = ca.dot(ca.jacobian(normal, s), x) / ca.norm_2(slope)
         axes, found, bent = ca.substitute([ca.horzcat(x, normal), point, bend], [s], [at])
         return axes, found, bent
+
+
+def _runs_along(curve: AbstractCurve, side: np.ndarray) -> bool:
+    """Whether a curve of plain numbers has this direction (3,) where it begins, or on its way round in one plane."""
+    s = ca.SX.sym("s")
+    slope = ca.densify(ca.jacobian(curve.point(s), s))
+    if any(not ca.is_equal(symbol, s) for symbol in ca.symvar(slope)):
+        return False
+    at = np.array([0.0]) if curve.period is None else np.linspace(*curve.period, _LOOKS)
+    slopes = np.array(ca.Function("slopes", [s], [slope]).map(at.size)(at[None, :])).T
+    lengths = np.linalg.norm(slopes, axis=1, keepdims=True)
+    if not (np.isfinite(lengths).all() and lengths.all()):  # cusps are told where a motion comes to them
+        return False
+    normals = np.cross(slopes / lengths, side)
+    sines = np.linalg.norm(normals, axis=1)
+    signed = normals @ normals[np.argmax(sines)] / max(float(np.max(sines)), _ALIKE)
+    turns = np.allclose(np.abs(signed), sines, rtol=0, atol=_ALIKE) and float(np.min(signed)) < 0
+    return turns or float(sines[0]) < _ALIKE
+
+
+_LOOKS = 33
+"""Places round a closed curve at which its directions are looked at."""
+_ALIKE = 1e-9
+"""Sine of the angle below which two directions are one."""
