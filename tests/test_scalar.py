@@ -5,11 +5,13 @@ from __future__ import annotations
 import cProfile
 import pstats
 from collections.abc import Callable
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.linalg import expm
 from scipy.optimize import brentq
 
 import acausal as ac
@@ -386,28 +388,38 @@ def test_states_begin_where_they_say_and_what_follows_is_found():
 
 
 class Network(ac.Component):
-    """A column of unknowns: A x = u - x', with a vector and a matrix."""
+    """Columns of unknowns: M y = x, x' = A y."""
 
     x = ac.Variable("V", size=3, start=(1.0, 2.0, 3.0))
     y = ac.Variable("V", size=3)
 
+    def __init__(self, M: np.ndarray, A: np.ndarray) -> None:
+        self.M, self.A = M, A
+
     def equations(self):
-        A = np.array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 2]])
-        yield ac.equal(A @ self.y, self.x)
-        yield ac.equal(ac.der(self.x), -self.y)
+        yield ac.equal(self.M @ self.y, self.x)
+        yield ac.equal(ac.der(self.x), self.A @ self.y)
 
 
-def test_columns_of_unknowns():
+@pytest.mark.parametrize("seed", range(3))
+def test_columns_of_unknowns_are_begun_and_read_by_the_names_of_their_entries_in_all_kinds_of_states(
+    seed: int, tmp_path: Path
+) -> None:
+    rng = np.random.default_rng(seed)
+    M, A = np.eye(3) + 0.3 * rng.normal(size=(3, 3)), rng.normal(size=(3, 3))
     scene = ac.System()
-    scene.net = Network()
+    scene.net = Network(M, A)
     model = ac.build(scene)
     assert model.state_names == ("net.x[0]", "net.x[1]", "net.x[2]")
-    run = model.simulate(1.0, rtol=1e-11)
-    from scipy.linalg import expm
-
-    K = np.linalg.inv(np.array([[2.0, -1, 0], [-1, 2, -1], [0, -1, 2]]))
-    assert np.max(np.abs(run[scene.net.x][-1] - expm(-K) @ [1, 2, 3])) < 1e-10
-    assert np.max(np.abs(run[scene.net.y][-1] - K @ expm(-K) @ [1, 2, 3])) < 1e-10
+    K = np.linalg.inv(M)
+    for first in ([1.0, 2.0, 3.0], rng.normal(size=3)):
+        named = {} if first[0] == 1.0 else dict(zip(model.state_names, first, strict=True))
+        x = expm(2.0 * A @ K) @ first
+        for run in (model.simulate(2.0, named, rtol=1e-11), model.minimal(named).simulate(2.0, rtol=1e-11)):
+            assert run[scene.net.x][-1] == pytest.approx(x, rel=1e-9, abs=1e-9)
+            assert [run[name][-1] for name in model.state_names] == pytest.approx(x, rel=1e-9, abs=1e-9)
+            assert run["net.y[1]"][-1] == pytest.approx((K @ x)[1], rel=1e-9, abs=1e-9)
+    model.export_simulator(tmp_path, outputs={"x": scene.net.x, "y": scene.net.y})
 
 
 class Governor(ac.Component):

@@ -313,11 +313,13 @@ class _Coupling:
         return result
 
     def _solved(self, values: dict[int, ca.SX]) -> dict[Symbol, ca.SX]:
+        """Of variables, and of the entries of those that are columns, by which states are called."""
         found: dict[Symbol, ca.SX] = {}
         for symbol, scalars in self.collection.elements.items():
-            entries = [values[s.sx.element_hash()] for s in scalars if s.sx.element_hash() in values]
+            entries = {s: values[s.sx.element_hash()] for s in scalars if s.sx.element_hash() in values}
             if len(entries) == len(scalars):
-                found[symbol] = entries[0] if len(entries) == 1 else ca.vertcat(*entries)
+                found.update(entries)
+                found[symbol] = ca.vertcat(*entries.values())
         return found
 
     def _held(self) -> list[tuple[Invariant, Held]]:
