@@ -269,3 +269,32 @@ def test_a_machine_that_hangs_on_a_machine(size: float) -> None:
     down, over = np.linalg.solve([[m1 + M + m2 + m3, m3 - m2], [m3 - m2, m2 + m3]], [pull * (M + m2 + m3 - m1), pull * (m3 - m2)])
     assert np.max(np.abs(run[scene.rail.q] - z + down * run.t**2 / 2)) < 1e-12 * size
     assert np.max(np.abs(run[scene.three.point.position][:, 2] - z + third + (down + over) * run.t**2 / 2)) < 1e-12 * size
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_ropes_that_leave_their_wheels_where_they_end_in_the_sketch_have_constraints_all_the_same(size: float) -> None:
+    """A machine on a machine, its wheels heavy, everything drawn at height 0: by Lagrange; what wheels have turned by is integral of two velocities."""
+    m, J, r, pull = np.array([4.0, 1.0, 2.5, 0.5]), np.array([0.01, 0.004]), 0.1 * size, G * size
+    scene: Any = ac.System()
+    scene.world, scene.rails = World((0, 0, -pull)), [Prismatic("z") for _ in m]
+    scene.loads = [RigidBody(mass, (size**2,) * 3) for mass in m]
+    scene.wheels = [RigidBody(0.2, (inertia * size**2,) * 3) for inertia in J]
+    for rail, load, x in zip(scene.rails, scene.loads, (-r, 0.0, 2 * r, r), strict=True):
+        scene.connect(scene.world.at((x, 0, 0)), rail.frame_a)
+        scene.connect(rail.frame_b, load.frame)
+    scene.above = Cable(4 * size, over=(Pulley(scene.world.at((0, 0, 2 * size)), r, wheel=scene.wheels[0]),))
+    scene.below = Cable(2 * size, over=(Pulley(scene.loads[3].frame, r, wheel=scene.wheels[1]),))
+    for rope, one, other in ((scene.above, 0, 3), (scene.below, 1, 2)):
+        scene.connect(scene.loads[one].frame, rope.frame_a)
+        scene.connect(scene.loads[other].frame, rope.frame_b)
+    model = ac.build(scene)
+    table = model.constraints()
+    assert (table.configuration_freedom, table.velocity_freedom, table.hidden) == (4, 2, 2)
+    run = model.simulate(0.5, {scene.rails[0].q: 0.3 * size, scene.rails[1].q: -0.7 * size}, rtol=1e-11)
+    m[3] += 0.2
+    inertias, weights = J / 0.1**2, m * pull  # of what rises at the first rope, and over at the second
+    A = [[m.sum() + inertias[0], m[2] - m[1]], [m[2] - m[1], m[1] + m[2] + inertias[1]]]
+    up, over = np.linalg.solve(A, [weights[1:].sum() - weights[0], weights[2] - weights[1]])
+    speeds = [run[rail.v][-1] / 0.5 for rail in scene.rails]
+    assert speeds == pytest.approx([up, over - up, -over - up, -up], rel=1e-11)
+    assert max(np.ptp(run[found.expression]) for found in table.velocity.integrals) < 1e-12 * max(size, 1.0)

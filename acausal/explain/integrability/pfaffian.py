@@ -119,10 +119,11 @@ class PfaffianSystem:
         residual = self._residual()
         rng = np.random.default_rng(seed)
         found: list[np.ndarray] = []
+        start = self._assembled(residual)
         for attempt in range(_TRIES + 2 * count):
             # shorter strides where long ones leave the manifold's reach
             reach = 0.9 ** min(attempt - len(found), _TRIES)
-            point = assemble(residual, self.start)
+            point = assemble(residual, start)
             for _stride in range(2):
                 if point.converged:
                     step = reach * rng.uniform(0.15, 0.3, self.start.size) * rng.choice([-1.0, 1.0], self.start.size)
@@ -136,6 +137,15 @@ class PfaffianSystem:
             f"Only {len(found)} of {count} configurations near {np.array2string(self.start, precision=3)} satisfy the holonomic constraints "
             f"between {', '.join(self.coordinate_names[:8])}. Give a start nearer to an assembled position."
         )
+
+    def _assembled(self, residual: Residual) -> np.ndarray:
+        """Where an assembled configuration is found from: the start, or beside it where that is a singular one, as ropes that leave from where they end."""
+        rng, start = np.random.default_rng(0), self.start
+        for attempt in range(_TRIES):
+            if assemble(residual, start).converged:
+                return start
+            start = self.start + rng.normal(scale=0.1 * 1.35**attempt, size=self.start.size)
+        return self.start
 
     def _residual(self) -> Residual:
         closing = ca.Function("closing", [self.y], [self.holonomic, ca.densify(ca.jacobian(self.holonomic, self.y))])
