@@ -345,17 +345,20 @@ class Trajectory:
         return np.interp(self.t, knots, total)
 
     def energy_error(self) -> float:
-        """Largest gap in the energy balance, relative to the largest kinetic energy or change of potential energy on the way; where
-        these are nothing but rounding, relative to the terms that the energies are the sums of. NaN where nobody knows what an input brings in that prescribes a place.
+        """Largest gap in the energy balance, relative to the largest kinetic energy or change of potential energy on the way, as far as these account for
+        one another; where they are nothing but rounding, relative to the terms that the energies are the sums of. NaN where nobody knows what an input
+        brings in that prescribes a place.
         """
         if not self.outputs.knows_powers:
             return float("nan")
         start = self._beginning
-        balance = self.energy + self.energy_loss - start.energy[0]
+        lost = self.energy_loss
+        balance = self.energy + lost - start.energy[0]
         steps = self.steps.t  # what moves in between counts where few samples were asked for
         between = self.at(steps[:: max(1, steps.size // 64)])
         swing = max(float(np.max(np.abs(run.potential_energy - start.potential_energy[0]))) for run in (self, between))
-        scale = max(float(np.max(self.kinetic_energy)), float(np.max(between.kinetic_energy)), swing)
+        moves = max(float(np.max(self.kinetic_energy)), float(np.max(between.kinetic_energy)))
+        scale = max(min(moves, float(start.kinetic_energy[0]) + swing + max(0.0, -float(np.min(lost)))), swing)
         total = float(np.max(np.abs(self.energy)))
         if scale < 1e-9 * total:  # all energy is held by scalar components, and stays there
             scale = total

@@ -37,6 +37,8 @@ _LOOSE, _START = 10.0, 1e-5
 """Invariants are forgiven more, and as much as starts may be off."""
 _NOISE = 1e3
 """Times what rounding makes of an energy; of what it makes of rates, up to a part `_MOST` of the energy that moves, where any does: more is no motion to rely on."""
+_OUTLIER = 1e3
+"""Times as large as at all looks: a state that is looked at, too."""
 _FEW = 4
 """Steps that tell how a power goes on."""
 _CHEAP, _SHARE = 1e4, 1 / 20
@@ -74,7 +76,7 @@ def warn_if_inaccurate(functions: Functions, run: Trajectory, rtol: float, atol:
     if functions.quaternion_states:
         met[functions.quaternion_states] = 1.0
     sizes = Sizes(met, part * met + forgiven * atol, part)
-    some = _looks(run.steps.t)
+    some = _with_outlier(_looks(run.steps.t), x, met)
     values = _values(functions, run, some, sizes)
     as_found = values[:, :_LOOKS]
     with np.errstate(invalid="ignore"):
@@ -174,6 +176,17 @@ def _looks(t: np.ndarray) -> np.ndarray:
     return np.sort(np.concatenate((_FOURTHS * (n - 1) // (_LOOKS // 2 - 1), np.minimum(by_time, n - 1))))
 
 
+def _with_outlier(some: np.ndarray, x: np.ndarray, met: np.ndarray) -> np.ndarray:
+    """Looks (8,) of which the nearest is moved to the step where a state is far larger than at all of them, as one that a singular place has thrown out."""
+    far = met > _OUTLIER * np.maximum.reduce(np.abs(x[:, some]), axis=1)
+    if not far.any():
+        return some
+    step = int(np.argmax(np.abs(x[int(np.argmax(far))])))
+    some = some.copy()
+    some[np.argmin(np.abs(some - step))] = step
+    return np.sort(some)
+
+
 def _values(functions: Functions, run: Trajectory, some: np.ndarray, sizes: Sizes) -> np.ndarray:
     """Energies and invariants (rows, 16) at eight steps, as they are and then with the states disturbed."""
     times, n = run.steps.t[some], sizes.met.size
@@ -254,8 +267,11 @@ def energy_terms(run: Trajectory) -> float:
     """The terms that energies are the sums of, where the most moves [J]: there also where heights are counted from what rests."""
     functions, energies = run.functions, at_steps(run.functions, run, run.functions.watched)[:2]
     most = int(np.argmax(np.sum(np.abs(energies - energies[:, :1]), axis=0)))
-    met = Sizes(np.max(np.abs(run.steps.x), axis=1), np.zeros(run.steps.x.shape[0]), 0.0)
-    return float(np.sum(_rounding(functions, run, most, met, _longest(run, run.steps.t.size))[:2])) / _EPS
+    longest = _longest(run, run.steps.t.size)
+    # usual states, and the start, too: where a singular place has thrown a motion out terms are beyond all bounds
+    met = Sizes(np.median(np.abs(run.steps.x), axis=1), np.zeros(run.steps.x.shape[0]), 0.0)
+    terms = [float(np.sum(_rounding(functions, run, k, met, longest)[:2])) for k in {0, most}]
+    return min(terms) / _EPS
 
 
 def _rounding_beside(functions: Functions, run: Trajectory, k: int, met: np.ndarray) -> np.ndarray:
@@ -274,8 +290,10 @@ def _look_at_energy(
     balance = T + V - T[0] - V[0]
     if run.solution.modes is not None:
         balance += run.transitions.lost_at_ends(run.steps.t.size)[some]
-    scale = max(float(T.max()), float(V.max() - V.min()))
+    swing = float(V.max() - V.min())
+    scale = max(float(T.max()), swing)
     if functions.outputs.power_loss.is_zero():
+        scale = max(min(scale, float(T[0]) + swing), swing)
         doubtful = bool((np.abs(balance) > np.maximum(sizes.part * scale, spreads)).any())
     else:
         doubtful = _loss_doubtful(functions, run, some, balance, np.maximum(sizes.part * scale, spreads))
@@ -296,7 +314,7 @@ def _look_at_energy(
         return
     size = float(np.max(np.abs(every.gap)))
     t = run.steps.t
-    begin = int(np.argmax(np.abs(every.gap) > 0.1 * size))
+    begin = int(np.argmax(np.abs(every.gap) > 0.1 * (min(size, every.scale) or size)))
     sudden = bool(np.max(np.abs(np.diff(every.gap))) > 0.5 * size)
     off = f"{size / every.scale:.2g} of the largest energy that moves" if every.scale > 0 else "and nothing moves"
     warnings.warn(
@@ -338,7 +356,10 @@ def _loss_doubtful(functions: Functions, run: Trajectory, some: np.ndarray, bala
     np.cumsum(h * (begin + end) / 2 + bend, out=lost[1:])
     np.cumsum(np.abs(bend), out=unsure[1:])
     looked = number[some]
-    return bool((np.abs(balance + lost[looked]) > allowed + unsure[looked]).any())
+    grows = min(float(begin.min()), float(end.min())) >= 0 and bool(
+        (balance > allowed).any()
+    )  # though nothing brings anything in
+    return grows or bool((np.abs(balance + lost[looked]) > allowed + unsure[looked]).any())
 
 
 def _power_at_ends(functions: Functions, run: Trajectory) -> tuple[np.ndarray, np.ndarray]:
@@ -357,9 +378,11 @@ def _power_at_ends(functions: Functions, run: Trajectory) -> tuple[np.ndarray, n
 
 
 def _passed(functions: Functions, run: Trajectory) -> float:
-    """Energy that passes through parts, in either direction, though what goes in and comes out may be the same at all times."""
-    flows = np.abs(run.at(run.steps.t)[functions.outputs.power_flows])
-    return float(np.sum(np.diff(run.steps.t)[:, None] * (flows[1:] + flows[:-1])) / 2)
+    """Energy that passes through parts besides what is lost or gained: what goes in and comes out at the same time."""
+    at = run.at(run.steps.t)
+    net, flows = at[functions.outputs.power_loss], at[functions.outputs.power_flows].reshape(run.steps.t.size, -1)
+    through = np.maximum(np.sum(np.abs(flows), axis=1) - np.abs(net).ravel(), 0.0)
+    return float(np.sum(np.diff(run.steps.t) * (through[1:] + through[:-1])) / 2)
 
 
 @dataclass(frozen=True)
@@ -377,4 +400,6 @@ def _balance(functions: Functions, run: Trajectory) -> Balance:
     lost = run.at(t).lost_by_power + run.transitions.lost_at_ends(t.size)
     gap = T + V - T[0] - V[0] + lost
     passed = 0.0 if functions.outputs.power_loss.is_zero() else _passed(functions, run)
-    return Balance(gap, max(float(np.max(T)), float(np.max(np.abs(V - V[0]))), float(np.max(np.abs(lost))), passed))
+    swing, gone = float(np.max(np.abs(V - V[0]))), float(np.max(np.abs(lost)))
+    most = float(T[0]) + swing + max(0.0, -float(np.min(lost)))  # what nothing accounts for is a gap and no size
+    return Balance(gap, max(min(max(float(np.max(T)), gone), most), swing, passed))
