@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from typing import Any
 
+import casadi as ca
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -12,7 +13,20 @@ from scipy.optimize import linprog
 
 import acausal as ac
 from acausal.errors import SingularWarning
-from components import Coulomb, Force, Particle, PointOnPlane, Prismatic, Revolute, RigidBody, World
+from components import (
+    Contact,
+    Coulomb,
+    Force,
+    Hard,
+    HeightField,
+    Particle,
+    PointOnPlane,
+    Prismatic,
+    Revolute,
+    RigidBody,
+    Sphere,
+    World,
+)
 from tests.drawn import SEEDS, Drawn
 
 G = 9.81
@@ -469,3 +483,31 @@ def test_a_box_that_lands_level_on_an_incline_slips_from_rest_on_two_of_its_feet
     assert run[scene.box.frame.position][-1] == pytest.approx(np.array([world[0], 0.0, world[1]]) * size, abs=1e-9 * size)
     assert run[scene.box.frame.angular_velocity][-1] == pytest.approx([0.0, by[5], 0.0], abs=1e-7)
     assert run.statistics.steps < 40 and run.energy_error() < 1e-11
+
+
+@pytest.mark.parametrize(("size", "rtol"), [(1e-3, 1e-4), (1.0, 1e-5), (1e3, 1e-6)])
+def test_a_gap_that_closes_at_once_asks_for_no_more_digits_than_its_rate_has(size: float, rtol: float) -> None:
+    """A ball rolls towards a hill and is begun into its slope by 4e-9 of its speed: the gap is 1e-22 of all lengths then, its rate is held, and only rounding
+    moves either.
+    """
+    r, g = 0.1 * size, 9.81 * size
+    scene = ac.System()
+    scene.world, scene.ball = World((0, 0, -g)), RigidBody.ball(1.0, r)
+    hill = HeightField(lambda x, y: 0.3 * size * ca.exp(-4 * (x / size) ** 2))
+    scene.contact = Contact(Sphere(r), hill, Hard(0.2, Coulomb(0.6)))
+    scene.connect(scene.world.frame, scene.contact.frame_a)
+    scene.connect(scene.contact.frame_b, scene.ball.frame)
+    frame = scene.ball.frame
+    start = {
+        frame.position[:2]: (-1.5 * size, 0.0),
+        scene.contact.gap: 0.0,
+        frame.velocity[:2]: (size, 0.0),
+        frame.angular_velocity: (0, 10.0, 0),
+    }
+    run = ac.build(scene).simulate(2.0, start, rtol=rtol)
+    assert run.statistics.steps < 200
+    assert run.energy_error() < max(100 * rtol, 1e-8)
+    height = run[frame.position][:, 2]
+    assert np.max(height) - height[0] == pytest.approx(
+        0.7 * size / 9.81, rel=1e-3
+    )  # 7/10 v^2 / g: by energy, where it turns back

@@ -524,6 +524,12 @@ static void set_scale_of(Integrator *I, long i, double h, double size) {
     T->scale[i] = fmax(T->floor + T->unit * size, fmax(least, NOTHING));
 }
 
+/* What velocities may be off by in a step of size h moves their integrals: a gap that closed at once, whose rate is held since, is known no better. */
+static void scale_integrals(const Integrator *I, double h) {
+    double *scale = I->state->scale;
+    for (long c = 0; c < I->copies; c++) scale[I->copy_to[c]] = fmax(scale[I->copy_to[c]], PART * fabs(h) * scale[I->copy_from[c]]);
+}
+
 /* For steps of size h, where without rejections steps of size `reach` would be. */
 static void set_scale(Integrator *I, double h, double reach) {
     struct State *T = I->state;
@@ -536,6 +542,7 @@ static void set_scale(Integrator *I, double h, double reach) {
         set_scale_of(I, i, h, T->size[i]);
         T->limit[i] = T->size[i] * per_time;
     }
+    scale_integrals(I, h);
     T->widened = 0;
     T->reach = reach;
 }
@@ -648,6 +655,7 @@ static void widen(Integrator *I, Stages *S, V **K, double h) {
         for (long b = 0; b < S->blocks; b++) most = fmax(most, v_largest(v_abs(K[b][i])));
         set_scale_of(I, i, h, fmax(T->size[i], PART * T->reach * most));
     }
+    scale_integrals(I, h);
     set_factor(I, h);
     T->widened = 1;
 }
