@@ -44,9 +44,13 @@ def energy_cause(functions: Functions, run: Trajectory, begin: int, sudden: bool
     near = _singular(functions, run)
     if near is not None:
         return f"At t = {near:.6g} s a loop comes near to a singular position."
+    tied = "what gears, cables, cams or sources hold may have come to a singular position, which only loops of joints pass; "
+    held = tied if functions.outputs.system.scalar.held else ""
     if sudden:
-        return "Most of it is lost in one step: a law or an input may jump there, or more than one motion go on from there."
-    return "It grows along the motion: a law may jump again and again, or the tolerance be too coarse for this motion."
+        return (
+            f"Most of it is lost in one step: {held}a law or an input may jump there, or more than one motion go on from there."
+        )
+    return f"It grows along the motion: {held}a law may jump again and again, or the tolerance be too coarse for this motion."
 
 
 def _border(functions: Functions, run: Trajectory, begin: int) -> str:
