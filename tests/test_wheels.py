@@ -23,6 +23,7 @@ from components import (
     RollingTorus,
     Screw,
     SpeedSource,
+    TorqueSource,
     Universal,
     World,
 )
@@ -596,3 +597,32 @@ def test_balanced_wheels_are_a_limit_of_unbalanced_ones(hub, backwards):
     exact, near = accelerations(0.0), accelerations(unbalance)
     assert np.max(np.abs(exact - near)) < 200 * unbalance
     assert np.max(np.abs(exact - near)) > 0
+
+
+@pytest.mark.parametrize(("size", "torque"), [(1e-3, 0.05), (1.0, 0.1), (1e3, 1.0)])
+def test_a_robot_on_two_driven_wheels_and_a_skid_runs_straight_and_turns_in_tens_of_steps(size: float, torque: float) -> None:
+    """By both torques it goes ahead, by their difference it turns; straight on, rates of turning are nothing but rounding, which no tolerance is to follow."""
+    r, half, Iw = 0.1, 0.2, 0.5 * 0.5 * 0.1**2
+    scene = ac.System()
+    scene.world, scene.skid = World((0, 0, -G * size)), PointOnPlane()
+    scene.body = RigidBody(5.0, (0.1 * size**2, 0.1 * size**2, 0.2 * size**2))
+    scene.wheels = [RigidBody.disk(0.5, r * size, axis="y") for _ in range(2)]
+    scene.axles, scene.torques = [Revolute("y"), Revolute("y")], [ac.Input("N*m"), ac.Input("N*m")]
+    scene.motors, scene.touches = [TorqueSource(u) for u in scene.torques], [RollingDisk(r * size) for _ in range(2)]
+    for wheel, axle, motor, touch, y in zip(scene.wheels, scene.axles, scene.motors, scene.touches, (half, -half), strict=True):
+        scene.connect(scene.body.at((0, y * size, 0)), axle.frame_a)
+        scene.connect(axle.frame_b, wheel.frame)
+        scene.connect(motor.flange, axle.flange)
+        rolling(scene, touch, wheel.frame)
+    rolling(scene, scene.skid, scene.body.at((-0.2 * size, 0, -r * size)))
+    model, frame, (left, right) = ac.build(scene), scene.body.frame, scene.torques
+    start, unit = {frame.position: (0, 0, r * size)}, size**2
+    for rtol in (1e-3, 1e-4, 1e-5, 1e-7, 1e-10):
+        run = model.simulate(1.0, start, inputs={left: torque * unit, right: torque * unit}, rtol=rtol)
+        assert run.statistics.steps < 100
+        ahead = 2 * torque / r / (6.0 + 2 * Iw / r**2)
+        assert np.linalg.norm(run[frame.velocity][-1]) / size == pytest.approx(ahead, rel=1e-9)
+    run = model.simulate(1.0, start, inputs={left: lambda t: torque * unit * np.sin(2 * t), right: 0.1 * unit}, rtol=1e-10)
+    turned = 0.1 - torque * (1 - np.cos(2.0)) / 2  # integral of the difference
+    J = 0.2 + 2 * (0.5 * (r**2 / 4 + half**2)) + 2 * Iw * (half / r) ** 2
+    assert run[frame.angular_velocity][-1, 2] == pytest.approx(turned * half / r / J, rel=1e-8)

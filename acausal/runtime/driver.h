@@ -785,6 +785,7 @@ static int follows_others(Integrator *I, double h) {
 }
 
 #define STRAINED 0.25 /* of the step that accuracy allows */
+#define SHRUNK 0.5    /* of a step that is accurate, the next one */
 #define SUSPECT 3     /* rejections that a step counts as, where rounding is known to disturb it */
 #define INSTANT 1e-9 /* of a step: no time passes */
 #define LANDED 2000 /* tries of one step to end at a switch */
@@ -1030,6 +1031,7 @@ static enum Code one_adaptive(Integrator *I) {
         else if (!review_newton(I, S, h)) return INPUT_FAILED;
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
         if (T->noisy) T->doubts += CALM / 2; /* rounding that is heard of for long may be all that there is */
+        else if (wanted < SHRUNK * h) T->doubts += CALM; /* as one that is refused: rounding may make errors now and then, and steps too short to grow */
         else if (!refused && T->doubts > 0) T->doubts--;
         return finish_step(I, &L);
     }

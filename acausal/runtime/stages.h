@@ -524,10 +524,14 @@ static void set_scale_of(Integrator *I, long i, double h, double size) {
     T->scale[i] = fmax(T->floor + T->unit * size, fmax(least, NOTHING));
 }
 
-/* What velocities may be off by in a step of size h moves their integrals: a gap that closed at once, whose rate is held since, is known no better. */
+/* A gap that closed at once, whose rate is held since: such a position is far less than its velocity, as large as that was, moves in a step of size h, and is known no better
+   than what that may be off by moves it. */
 static void scale_integrals(const Integrator *I, double h) {
-    double *scale = I->state->scale;
-    for (long c = 0; c < I->copies; c++) scale[I->copy_to[c]] = fmax(scale[I->copy_to[c]], PART * fabs(h) * scale[I->copy_from[c]]);
+    const struct State *T = I->state;
+    for (long c = 0; c < I->copies; c++) {
+        long from = I->copy_from[c], to = I->copy_to[c];
+        if (T->size[to] < SMALL * PART * fabs(h) * T->size[from]) T->scale[to] = fmax(T->scale[to], PART * fabs(h) * T->scale[from]);
+    }
 }
 
 /* For steps of size h, where without rejections steps of size `reach` would be. */
