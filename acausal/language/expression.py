@@ -17,8 +17,11 @@ from acausal.errors import ExpressionError, ParameterError
 from acausal.language.casadi_tables import Contents, is_no_number, without_calls
 from acausal.language.identity import Atom
 from acausal.language.interpolant import is_spline, of_spline
+from acausal.language.no_numbers import symbols_say_that_they_are_no_numbers
 from acausal.language.origin import asked_while_made, origin
 from acausal.language.units import certainly_different
+
+symbols_say_that_they_are_no_numbers()
 
 _UFUNCS: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b, "subtract": lambda a, b: a - b, "multiply": lambda a, b: a * b,
