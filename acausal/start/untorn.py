@@ -6,6 +6,7 @@ exponentials of exponentials overflow, where each equation for itself is harmles
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import casadi as ca
@@ -65,21 +66,30 @@ class UntornBlock:
         z, (open_, _) = self.begin, rows(self.begin)
         done, ahead = 0.0, 0.25
         while done < 1 and ahead > _SHORTEST:
-            there, near = min(1.0, done + ahead), z
-            for _ in range(_CORRECTIONS):
-                left, J = rows(near)
-                try:
-                    change = np.linalg.solve(J, left - (1 - there) * open_)
-                except np.linalg.LinAlgError:
-                    break
-                near = near - change
-                if not np.isfinite(near).all():
-                    break
-                if (np.abs(change) <= _CLOSELY * np.abs(near)).all():
-                    z, done, ahead = near, there, 8 * ahead
-                    break
+            there = min(1.0, done + ahead)
+            near = _corrected(rows, z, (1 - there) * open_)
+            if near is not None:
+                z, done, ahead = near, there, 8 * ahead
             ahead /= 4
         return z if done == 1 else None
+
+
+def _corrected(
+    rows: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]], z: np.ndarray, still_open: np.ndarray
+) -> np.ndarray | None:
+    """Where rows are what is still open, by Newton's method from z; None where it does not get there soon."""
+    for _ in range(_CORRECTIONS):
+        left, J = rows(z)
+        try:
+            change: np.ndarray = np.linalg.solve(J, left - still_open)
+        except np.linalg.LinAlgError:
+            return None
+        z = z - change
+        if not np.isfinite(z).all():
+            return None
+        if (np.abs(change) <= _CLOSELY * np.abs(z)).all():
+            return z
+    return None
 
 
 def untorn_blocks(unknowns: Unknowns, system: ReducedSystem) -> tuple[UntornBlock, ...]:
