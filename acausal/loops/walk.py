@@ -11,7 +11,7 @@ import numpy as np
 
 from acausal.loops.loop_groups import LoopGroup
 from acausal.numerics.assembly import Residual, assemble, corrected
-from acausal.numerics.bound import BoundFunction
+from acausal.numerics.bound import BoundFunction, Columns
 from acausal.numerics.entries import entries, places
 from acausal.numerics.independent import free_directions, inverse, rank_of
 from acausal.numerics.sizes import FAINT, Drawn, Sizes, bent_size, curvature, positive, row_sizes, unknown_sizes
@@ -264,8 +264,12 @@ class Walk:
 
     def bent(self, z: np.ndarray, weights: np.ndarray) -> np.ndarray:
         """How the sum of the rows A, with these `weights` (m,), changes with z: (nv, nq)."""
-        turned = self.symbolic.turned(z * self.unit, self.time, self.values, weights / self._velocity)
-        return np.array(turned) * self.rate[:, None] * self.unit
+        turned = self._turned(z * self.unit, self.time, self.values, weights / self._velocity)
+        return turned.reshape(self.symbolic.turned.size_out(0), order="F") * self.rate[:, None] * self.unit
+
+    @functools.cached_property
+    def _turned(self) -> Columns:
+        return Columns(self.symbolic.turned)
 
     def rows(self, z: np.ndarray) -> np.ndarray:
         """A (m, nv) with the rows' own units."""
