@@ -333,21 +333,25 @@ def test_what_decays_through_a_valve_comes_to_no_zero_at_any_tolerance(V: float,
         assert run.statistics.steps < 60
 
 
-@each_value(("several", [False, True]), (("V", "R", "T"), [(1e4, 1e-2, 1e-3), (1.0, 1.0, 1.0), (1e4, 1e-2, 1e2)]))
+@each_value(
+    ("several", [False, True]), (("V", "R", "T"), [(1e4, 1e-2, 1e-3), (1.0, 1.0, 1.0), (1e4, 1e-2, 1e2), (1e-3, 1e5, 1.0)])
+)
 def test_circuits_of_parameters_move_as_those_of_numbers(several: bool, V: float, R: float, T: float) -> None:
     """What valves do to themselves at once is nothing by the circuit's laws, beside an inductor, whatever its values are: not what rounding makes of these."""
     kinds, ends = "VDDLRRL", [(2, 3), (1, 0), (0, 2), (3, 2), (1, 2), (3, 1), (1, 0)]
     values, phases = (0.93, 1.5, 0.8, 0.5, 1.68, 1.56, 1.67), (1.4, *[0.0] * 6)
     if several:
         kinds, ends, values, phases = kinds + "DL", [*ends, (1, 0), (1, 2)], (*values, 0.7, 1.5), (*phases, 0.0, 0.0)
-    ends_of: list[np.ndarray] = []
+    ends_of, changes = list[np.ndarray](), list[list[float]]()
     for of in (float, lambda value: ac.Parameter(value)):
         parts = [element(kind, of(value), phase, V, R, T) for kind, value, phase in zip(kinds, values, phases, strict=True)]
         run = ac.build(between_nodes(parts, ends, 4, None)).simulate(2 * T, rtol=1e-10, samples=50)
         if of is float:
             check_diodes(run, parts, V, known=1e-10)
         ends_of.append(np.array([run[part.v] for part in parts]) / V)
+        changes.append([change.time for change in run.transitions])
     np.testing.assert_allclose(ends_of[0], ends_of[1], rtol=0, atol=1e-8)
+    np.testing.assert_allclose(changes[0], changes[1], rtol=0, atol=1e-9 * T)
 
 
 def test_parameters_may_change_after_the_build() -> None:

@@ -62,14 +62,12 @@ class Valves:
     @staticmethod
     def of(rows: Sequence[ModeRow], motion: Motion, reactions: ca.SX, holds: ca.SX) -> Valves:
         """Raises `ModelError` for what is not linear in reactions."""
-        y, v = ca.vertcat(ca.SX(0, 1), *(row.moved for row in rows)), len(rows)
-        rate, none = motion.rate(y), ca.SX.zeros(reactions.numel())
-        M, K = (_without_nothing(ca.jacobian(value, reactions)) for value in (y, rate))
+        moved, v = ca.vertcat(ca.SX(0, 1), *(row.moved for row in rows)), len(rows)
+        (y, h, M), (rate, d, K) = (_by_reactions(value, reactions, motion.x) for value in (moved, motion.rate(moved)))
         if ca.depends_on(ca.veccat(M, K), reactions):
             raise ModelError(
                 f"What {rows[0].part.where} and others hold back is not linear in their reactions, or changes with what moves."
             )
-        h, d = (ca.substitute(value, reactions, none) for value in (y, rate))
         later = Mode("later", "so much later it is decided what goes on")
         return Valves(
             tuple(rows), motion, reactions, holds, y, rate, h, d, M, K, later, _matrix(v, "by_values"), _matrix(v, "by_rates")
@@ -140,7 +138,7 @@ class Valves:
         systems, more = systems.with_one(self.holds, G[:, :v], -open_)
         return Index(
             self.h + moved[:, 0], self.values + moved[:, 1:], ca.densify(self.values[:, :v]), ca.densify(self.rates[:, :v]), self.later,
-            ca.densify(rounded(self.h)), ca.densify(by[:, 0] + more + by[:, 1:] @ others), systems,
+            ca.densify(_sizes(self.h, self.motion.x)), ca.densify(by[:, 0] + more + by[:, 1:] @ others), systems,
         )  # fmt: skip
 
 
@@ -149,6 +147,30 @@ def valves_among(rows: Sequence[ModeRow]) -> list[ModeRow]:
     reactions = ca.vertcat(ca.SX(0, 1), *(reaction.sx for row in rows for reaction in row.reactions))
     turned = any(row.turned for row in rows)
     return [row for row in rows if row.one_way and (ca.depends_on(row.moved, reactions) or (turned and row.turns))]
+
+
+def _sizes(h: ca.SX, x: ca.SX) -> ca.SX:
+    """(v, 1): the sizes of what h (v, 1) is made of. Where systems of parameters have been solved for it, what relative changes of all symbols make of it: carried through each
+    operation of these, sizes grow beyond all that rounding does, since its parts there belong together.
+    """
+    if not ca.symvar(ca.jacobian(h, x)):
+        return rounded(h)
+    symbols = ca.vertcat(*ca.symvar(h))
+    return ca.fabs(h) + ca.fabs(ca.jacobian(h, symbols)) @ ca.fabs(symbols)
+
+
+def _by_reactions(value: ca.SX, reactions: ca.SX, x: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """A value (v, 1), what it is without reactions, and its slopes (v, n) by them. Where systems of parameters have been solved for it, written as the linear function of states
+    and reactions that it is: then what rounding makes of voltages is not in currents that have nothing to do with these.
+    """
+    slopes = _without_nothing(ca.jacobian(value, reactions))
+    alone = ca.substitute(value, reactions, ca.SX.zeros(reactions.numel()))
+    of_states = ca.jacobian(alone, x)
+    if ca.depends_on(of_states, x) or not ca.symvar(ca.veccat(slopes, of_states)):
+        return value, alone, slopes
+    rest = _without_nothing(ca.substitute(alone, x, ca.SX.zeros(x.numel())))
+    alone = ca.densify(rest + _without_nothing(of_states) @ x)
+    return alone + slopes @ reactions, alone, slopes
 
 
 def _without_nothing(A: ca.SX) -> ca.SX:
