@@ -9,7 +9,7 @@ import numpy as np
 
 from acausal.collocation.problem import Accuracy, Newton, Problem
 from acausal.collocation.tableau import gauss_legendre
-from acausal.integrators.gauss import default_order
+from acausal.integrators.gauss import Gauss
 from acausal.runtime.kernels import How
 from acausal.runtime.native import Choice, Code, Run
 from benchmarks.peers.base import AbstractPeer, Prepared
@@ -45,7 +45,7 @@ def _driver(built: Built, setting: float) -> Prepared:
     compiled = f.native(How.COMPILED)
     assert compiled is not None
     problem = Problem(f.explicit_dynamics, f.invariants, f.projection, lambda t: np.zeros((0, t.size)), built.model.system.p_values, np.zeros(0), compiled)  # fmt: skip
-    choice = Choice((gauss_legendre(default_order(setting) // 2),), Newton.WHERE_SLOW)
+    choice = Choice((gauss_legendre(Gauss.order // 2),), Newton.WHERE_SLOW)
     first, made = (Run(compiled, problem, x0, 0.0, built.scene.end, Accuracy(setting, setting), choice) for _ in range(2))
     first.advance(built.scene.end)
     fresh = type(made.core).from_buffer_copy(made.core)
