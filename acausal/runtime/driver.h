@@ -1030,8 +1030,7 @@ static enum Code one_adaptive(Integrator *I) {
         else if (!T->newton_now) leave_fixed_point(I, S, h, converging(I, h, contraction, failed), wanted, I->work - spent);
         else if (!review_newton(I, S, h)) return INPUT_FAILED;
         if (!failed && h < planned) I->h = fmax(I->h, planned); /* it was cut by the end only */
-        if (T->noisy) T->doubts += CALM / 2; /* rounding that is heard of for long may be all that there is */
-        else if (wanted < SHRUNK * h) T->doubts += CALM; /* as one that is refused: rounding may make errors now and then, and steps too short to grow */
+        if (T->noisy || wanted < SHRUNK * h) T->doubts += CALM / 2; /* rounding that is heard of for long, or makes errors now and then and steps too short to grow, may be all that there is */
         else if (!refused && T->doubts > 0) T->doubts--;
         return finish_step(I, &L);
     }

@@ -528,7 +528,7 @@ static void set_scale_of(Integrator *I, long i, double h, double size) {
    than what that may be off by moves it. */
 static void scale_integrals(const Integrator *I, double h) {
     const struct State *T = I->state;
-    for (long c = 0; c < I->copies; c++) {
+    for (long c = 0; c < I->copies && I->mode_rows; c++) {
         long from = I->copy_from[c], to = I->copy_to[c];
         if (T->size[to] < SMALL * PART * fabs(h) * T->size[from]) T->scale[to] = fmax(T->scale[to], PART * fabs(h) * T->scale[from]);
     }

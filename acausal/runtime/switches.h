@@ -759,7 +759,7 @@ static double landing(Integrator *I, const Stages *S, double h, struct Landing *
             return DIPS;
         }
         if (++L->total > MOST) return 0.5 * to;
-        int at_begin = to <= INSTANT && L->slope < 0 && I->steps > 0 && T->changed_at != I->t && !I->directions; /* a step that ends there would know nothing but rounding */
+        int at_begin = L->row >= 0 && L->row < I->valves && to <= INSTANT && L->slope < 0 && I->steps > 0 && T->changed_at != I->t && !I->directions; /* a valve: a step that ends there would know nothing but rounding */
         if (to * h <= at_once(I) || at_begin) to = 0;
     }
     L->over = to == 1;
