@@ -19,9 +19,10 @@ import casadi as ca
 from acausal.dynamics.mode_rows import ModeRow
 from acausal.errors import ModelError
 from acausal.language.expression import Mode
+from acausal.numerics.entries import entries
 from acausal.numerics.staged import Systems
 from acausal.numerics.terms import rounded
-from acausal.numerics.vanishing import vanish
+from acausal.numerics.vanishing import Vanishing, vanishing
 from acausal.reduce.motion import Motion
 
 
@@ -175,8 +176,11 @@ def _by_reactions(value: ca.SX, reactions: ca.SX, x: ca.SX) -> tuple[ca.SX, ca.S
 
 def _without_nothing(A: ca.SX) -> ca.SX:
     """Without the entries that are zero whatever their symbols are: what rounding makes of these were taken for what decides."""
-    found = [ca.SX(0) if vanish(entry) else entry for entry in A.nonzeros()]
-    return ca.SX(A.sparsity(), ca.vertcat(ca.SX(0, 1), *found))
+    found = entries([A])
+    for k, answer in enumerate(vanishing(found)):
+        if answer is Vanishing.YES:
+            found[k] = 0
+    return ca.SX(A.sparsity(), found)
 
 
 def _matrix(n: int, name: str) -> tuple[Mode, ...]:
