@@ -320,3 +320,11 @@ def test_solutions_and_problems_survive_copies_and_files():
         assert np.max(np.abs(copied.dense(times) - run.solution.dense(times))) < 1e-10
     for copied in (copy.deepcopy(run.problem), pickle.loads(pickle.dumps(run.problem))):
         assert np.array_equal(copied.parameters, run.problem.parameters) and copied.native is None
+
+
+def test_whatever_ends_an_integration_has_words() -> None:
+    told = {code for name in ("_STATUS", "_OF_MODES", "_OF_SETS", "_GO_ON") for code in getattr(native, name)}
+    by_themselves = {
+        getattr(native.Code, name) for name in ("OUT_OF_MEMORY", "EVENT", "SLIDES", "BEGINS_NO_NUMBER", "SETS_APART")
+    }
+    assert set(native.Code) - told - by_themselves == {native.Code.NOT_KEPT}  # which ends no integration
