@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 
 import acausal as ac
-from components import AngleSource, Particle, PointOnCurve, Prismatic, SplineCurve, TorqueSource, World
+from components import AngleSource, Particle, PointOnCurve, Prismatic, Revolute, RigidBody, SplineCurve, TorqueSource, World
 from tests.exported import (
     AT_EVENT,
     BAD_ARGUMENT,
@@ -250,16 +250,36 @@ def test_starts_are_those_of_their_time_and_values_whatever_was_started_before(t
         assert instance.set(CONDITION, place, x) == instance.started() == instance.advance(1.0) == SUCCESS
         assert instance.get(OUTPUT, 0) == pytest.approx(x + 1, abs=1e-13)
     led = AdjustableFourBar()
-    led.drive = AngleSource(1.0 + 0.5 * np.sin(ac.time))
+    led.turn = ac.Input("rad")
+    led.drive = AngleSource(led.turn + 1.0 + 0.5 * np.sin(ac.time))
     led.connect(led.drive.flange, led.a.flange)
     near = {led.b.q: ac.near(0.3)}
     model = ac.build(led)
     library = Library(model.export_simulator(tmp_path / "led", near, outputs={"a": led.a.q}))
     instance = library.instance()
-    for t in (0.0, 0.7, -2.0, 0.0):
-        assert instance.started(t) == SUCCESS
-        assert instance.get(OUTPUT, 0) == pytest.approx(1 + 0.5 * np.sin(t), abs=1e-13)
-        assert instance.x == pytest.approx(model.initial_state(near, t0=t).x, abs=1e-12)
+    for t, turn in ((0.0, 0.0), (0.7, 0.0), (-2.0, 0.3), (0.0, 0.2), (0.0, 0.0)):
+        assert instance.set(INPUT, 0, turn) == instance.started(t) == SUCCESS
+        assert instance.get(OUTPUT, 0) == pytest.approx(turn + 1 + 0.5 * np.sin(t), abs=1e-13)
+        assert instance.x == pytest.approx(model.initial_state(near, t0=t, inputs={led.turn: turn}).x, abs=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-3, 1e3])
+def test_lengths_that_make_a_parallelogram_need_a_model_of_their_own(size, tmp_path):
+    """It lies flat twice in a turn, which the four-bar that was exported does not."""
+    scene = ac.System()
+    scene.world, scene.far = World(), ac.Parameter(1.05 * size, "m")
+    scene.bars = [RigidBody.rod(1.0, (length * size, 0, 0)) for length in (0.4, 1.0, 0.4)]
+    scene.hinges = [Revolute("y") for _ in range(4)]
+    ends = [scene.world.frame, *(bar.tip for bar in scene.bars)]
+    begins = [*(bar.frame for bar in scene.bars), scene.world.at((scene.far, 0, 0))]
+    for hinge, end, begin in zip(scene.hinges, ends, begins, strict=True):
+        scene.connect(end, hinge.frame_a)
+        scene.connect(hinge.frame_b, begin)
+    start = {scene.hinges[0].q: 1.0, scene.hinges[1].q: ac.near(-1.0), scene.hinges[2].q: ac.near(1.0 + np.pi)}
+    instance = Library(ac.build(scene).export_simulator(tmp_path / "bars", start)).instance()
+    for far, status in ((1.05, SUCCESS), (1.02, SUCCESS), (1.0, OTHER_MODEL)):
+        assert instance.set(PARAMETER, 0, far * size) == SUCCESS
+        assert instance.started() == status
 
 
 def test_calls_that_make_no_sense_are_told_and_change_nothing():
