@@ -86,7 +86,7 @@ _STATUS = {
         "The stage equations did not converge; use a smaller step.",
     ),
     Code.TOO_MANY_STEPS: (StatusKind.MAX_STEPS, "{0} steps were not enough."),
-    Code.INPUT_FAILED: (StatusKind.NON_FINITE, "What the motion goes on by could not be computed here."),
+    Code.INPUT_FAILED: (StatusKind.NON_FINITE, "What decides how the motion goes on could not be computed here."),
 }
 
 _OF_MODES = {

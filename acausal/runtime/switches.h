@@ -470,8 +470,6 @@ static enum Code go_over(Integrator *I, const struct Landing *L) {
     return changes_modes(I) ? look_after_switch(I, crossed) : REACHED_END;
 }
 
-static int has_corner(const Integrator *I, long row);
-
 /* Whether a row's values at POINTS places are far from zero, beside what they change by. */
 static int is_far_above(const double *v) {
     double least = v[0], most = v[0], finite = 0;

@@ -55,6 +55,13 @@ class Steps:
     x: np.ndarray
 
 
+def moving_energy(kinetic: float, start: float, swing: float, brought: float = 0.0) -> float:
+    """The energy that moves [J]: the largest `kinetic` one, as far as that of the `start`, the `swing` of potential energy and what was `brought` in, if anything, account for
+    it, and no less than the swing. What nothing accounts for is a gap in the balance, and no size.
+    """
+    return max(min(kinetic, start + swing + max(0.0, brought)), swing)
+
+
 @dataclass(frozen=True, repr=False)
 class Trajectory:
     """A motion: times `t` (n,) [s], states `x` (nx, n) of `functions`, and everything that follows from them.
@@ -358,7 +365,7 @@ class Trajectory:
         between = self.at(steps[:: max(1, steps.size // 64)])
         swing = max(float(np.max(np.abs(run.potential_energy - start.potential_energy[0]))) for run in (self, between))
         moves = max(float(np.max(self.kinetic_energy)), float(np.max(between.kinetic_energy)))
-        scale = max(min(moves, float(start.kinetic_energy[0]) + swing + max(0.0, -float(np.min(lost)))), swing)
+        scale = moving_energy(moves, float(start.kinetic_energy[0]), swing, -float(np.min(lost)))
         total = float(np.max(np.abs(self.energy)))
         if scale < 1e-9 * total:  # all energy is held by scalar components, and stays there
             scale = total

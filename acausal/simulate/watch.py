@@ -20,7 +20,7 @@ from acausal.outputs.functions import Functions
 from acausal.outputs.infinite import without_value
 from acausal.simulate.blame import condition, energy_cause
 from acausal.simulate.looks import at_steps, beside_others, inputs_at_steps
-from acausal.simulate.trajectory import Trajectory
+from acausal.simulate.trajectory import Trajectory, moving_energy
 from acausal.wording import callers_level
 
 _EPS = float(np.finfo(float).eps)
@@ -291,11 +291,11 @@ def _look_at_energy(
     if run.solution.modes is not None:
         balance += run.transitions.lost_at_ends(run.steps.t.size)[some]
     swing = float(V.max() - V.min())
-    scale = max(float(T.max()), swing)
     if functions.outputs.power_loss.is_zero():
-        scale = max(min(scale, float(T[0]) + swing), swing)
+        scale = moving_energy(float(T.max()), float(T[0]), swing)
         doubtful = bool((np.abs(balance) > np.maximum(sizes.part * scale, spreads)).any())
     else:
+        scale = max(float(T.max()), swing)
         doubtful = _loss_doubtful(functions, run, some, balance, np.maximum(sizes.part * scale, spreads))
     if not doubtful:
         return
@@ -356,9 +356,8 @@ def _loss_doubtful(functions: Functions, run: Trajectory, some: np.ndarray, bala
     np.cumsum(h * (begin + end) / 2 + bend, out=lost[1:])
     np.cumsum(np.abs(bend), out=unsure[1:])
     looked = number[some]
-    grows = min(float(begin.min()), float(end.min())) >= 0 and bool(
-        (balance > allowed).any()
-    )  # though nothing brings anything in
+    nothing_brought = min(float(begin.min()), float(end.min())) >= 0
+    grows = nothing_brought and bool((balance > allowed).any())
     return grows or bool((np.abs(balance + lost[looked]) > allowed + unsure[looked]).any())
 
 
@@ -401,5 +400,5 @@ def _balance(functions: Functions, run: Trajectory) -> Balance:
     gap = T + V - T[0] - V[0] + lost
     passed = 0.0 if functions.outputs.power_loss.is_zero() else _passed(functions, run)
     swing, gone = float(np.max(np.abs(V - V[0]))), float(np.max(np.abs(lost)))
-    most = float(T[0]) + swing + max(0.0, -float(np.min(lost)))  # what nothing accounts for is a gap and no size
-    return Balance(gap, max(min(max(float(np.max(T)), gone), most), swing, passed))
+    moves = moving_energy(max(float(np.max(T)), gone), float(T[0]), swing, -float(np.min(lost)))
+    return Balance(gap, max(moves, passed))

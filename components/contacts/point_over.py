@@ -24,6 +24,11 @@ from components.geometry.surfaces import APEX, AbstractSurface, Parallel, checke
 from components.joints.spherical import Spherical
 from components.orientation import Axis, axis_vector
 
+_LOOKS = 33
+"""Places round a closed curve at which its directions are looked at."""
+_ALIKE = 1e-9
+"""Sine of the angle below which two directions are one."""
+
 
 class AbstractPointOver(AbstractJoint, ABC):
     """frame_b, a point, over something of frame_a; its last coordinate is the gap [m], its last velocity the gap's rate. A body at frame_b turns freely,
@@ -200,9 +205,3 @@ def _runs_along(curve: AbstractCurve, side: np.ndarray) -> bool:
     signed = normals @ normals[np.argmax(sines)] / max(float(np.max(sines)), _ALIKE)
     turns = np.allclose(np.abs(signed), sines, rtol=0, atol=_ALIKE) and float(np.min(signed)) < 0
     return turns or float(sines[0]) < _ALIKE
-
-
-_LOOKS = 33
-"""Places round a closed curve at which its directions are looked at."""
-_ALIKE = 1e-9
-"""Sine of the angle below which two directions are one."""
